@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -42,8 +41,8 @@ class Surface(Frozen):
         #: -1 if a larger length is a smaller gap
         self.side = -1.0 if inside else 1.0
 
-    def gap(self, x: Array) -> Array:
-        """Distances (n,) outside of points x (n, 3) in m; they may be complex."""
+    def __call__(self, x: Array) -> Array:
+        """The gap: distances (n,) outside of points x (n, 3) in m; they may be complex."""
         r = (x - self.point) @ self.across.T
         return self.side * ((np.sqrt((r * r).sum(-1)) if self.radius else r[:, 0]) - self.radius)
 
@@ -65,7 +64,7 @@ class Plane(Surface):
 
     Examples
     --------
-    >>> Plane((0, 0, 1), normal=(0, 0, 1)).gap(np.array([[5.0, 0, 4.0]])).tolist()
+    >>> Plane((0, 0, 1), normal=(0, 0, 1))(np.array([[5.0, 0, 4.0]])).tolist()
     [3.0]
     """
 
@@ -98,7 +97,7 @@ class Sphere(Surface):
 
     Examples
     --------
-    >>> Sphere((0, 0, 1), 2.0).gap(np.array([[0, 0, 4.0]])).tolist()
+    >>> Sphere((0, 0, 1), 2.0)(np.array([[0, 0, 4.0]])).tolist()
     [1.0]
     """
 
@@ -133,7 +132,7 @@ class Cylinder(Surface):
     Examples
     --------
     >>> tube = Cylinder((0, 0, 0), axis=(1, 0, 0), radius=0.5, inside=True)
-    >>> tube.gap(np.array([[7.0, 0.25, 0]])).tolist()
+    >>> tube(np.array([[7.0, 0.25, 0]])).tolist()
     [0.25]
     """
 
@@ -291,8 +290,7 @@ class Obstacle(Composed):
     # -- laws of all places (n, 3) together: points, then complex steps of each --------------------
 
     def _gap_of(self, x: Array) -> Array:
-        found: Array = getattr(self.surface, "gap", self.surface)(x.reshape(-1, 3))
-        return found.reshape(x.shape[:-1])
+        return self.surface(x.reshape(-1, 3)).reshape(x.shape[:-1])
 
     def _depth(self, x: Array) -> Array:
         """How deep places are in the obstacle (points, steps), zero outside."""
