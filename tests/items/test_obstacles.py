@@ -125,7 +125,7 @@ def test_surfaces_are_those_of_their_gaps(name, treatment, kernels):
         return sc.simulate(model, scheme, treatment, 4e-3, until=0.16, kernels=kernels)
 
     runs = [run(surface, sc.Variational()) for surface in SURFACES[name]]
-    assert runs[0]["coupling_energy"].max() > 0.1
+    assert runs[0]["coupling_energy"].max() > 0.03
     assert abs(runs[0]["load/floor/friction/force"]).max() > 1.0
     assert_allclose(runs[0]["q"], runs[1]["q"], atol=1e-9)
     exact = run(SURFACES[name][1], sc.EnergyMomentum())
