@@ -189,6 +189,12 @@ from .accuracy import (
     Processes as Processes,
     run_all as run_all,
 )
+from .obstacle import (
+    Cylinder as Cylinder,
+    Obstacle as Obstacle,
+    Plane as Plane,
+    Sphere as Sphere,
+)
 from .profile import (
     MaterialAnisotropic as MaterialAnisotropic,
     Profile as Profile,

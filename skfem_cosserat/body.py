@@ -170,6 +170,8 @@ class RigidBody(_Lump):
 
     kind = "rigid body"
     _remedy = REPLACED
+    #: radius (m) of a sphere about the reference point, else zero
+    ball = 0.0
 
     def __init__(
         self,
@@ -308,7 +310,9 @@ class RigidBody(_Lump):
         [4.0, 4.0, 4.0]
         """
         (r,) = _lengths("sphere", radius=radius)
-        return cls(mass, euler=np.full(3, mass * r**2 / 5), surface=ball_surface(r), **options)
+        out = cls(mass, euler=np.full(3, mass * r**2 / 5), surface=ball_surface(r), **options)
+        vars(out)["ball"] = r
+        return out
 
     @classmethod
     def pyramid(cls, mass: float, edge: float, height: float, **options: Any) -> RigidBody:

@@ -167,6 +167,28 @@ def _against(force: Callable[..., Any], *motion: Any) -> Any:
     return np.negative(force(*motion))
 
 
+class Composed(Item):
+    """Base of items that are made of force elements, kept by the ends of their names."""
+
+    _made: dict[str, Coupling]
+
+    def pieces(self) -> list[Coupling]:
+        """Its force elements, named after it."""
+        out: list[Coupling] = []
+        for end, piece in self._made.items():
+            vars(piece)["name"] = f"{self.name}{end}"
+            out += piece.pieces()
+        return out
+
+    def references(self) -> Sequence[Item]:
+        """The items that its force elements refer to."""
+        return [item for piece in self._made.values() for item in piece.references()]
+
+    def with_replacements(self, replacements: Replacements) -> Self:
+        """Made again, on the items that replace its own."""
+        return type(self)(**{name: replacements.of(value) for name, value in self._parts()})
+
+
 def semidefinite(item: str, name: str, array: Floats) -> Floats:
     """The array, if it is a finite, symmetric, positive semidefinite matrix."""
     if not np.isfinite(array).all():
@@ -262,7 +284,7 @@ class _Stop(JointSpringDamper):
             raise InputError(self.label, "limits a rotation vector, expected an angle or a length")
 
 
-class JointLimits(Item):
+class JointLimits(Composed):
     """End stops of a joint: springs and dampers beyond the ends of its range.
 
     Below `lower` and above `upper` a stop pushes back with ``k e + c de/dt``, e being how far the
@@ -313,21 +335,14 @@ class JointLimits(Item):
         if lower is not None and upper is not None and not lower < upper:
             raise InputError(self.label, f"lower = {lower}, expected less than upper = {upper}")
         positive(self.label, "stiffness", stiffness, " (N/m or N m/rad)")
-        self.joint = joint
-        self._stops = {
-            name: _Stop(joint, sign, finite(self.label, name, end), stiffness, damping, coordinate)
+        self.joint, self.lower, self.upper, self.coordinate = joint, lower, upper, coordinate
+        self.stiffness, self.damping = stiffness, damping
+        self._made = {
+            f"/{name}": _Stop(
+                joint, sign, finite(self.label, name, end), stiffness, damping, coordinate
+            )
             for name, (sign, end) in given.items()
         }
-
-    def pieces(self) -> list[Coupling]:
-        """Its stops, named after it."""
-        for end, stop in self._stops.items():
-            vars(stop)["name"] = f"{self.name}/{end}"
-        return list(self._stops.values())
-
-    def references(self) -> Sequence[Item]:
-        """The joint."""
-        return [self.joint]
 
 
 class JointActuator(_OnJoint):
@@ -567,7 +582,7 @@ class _Support(Coupling):
         self._set_law(stiffness, damping, 0.0)
 
 
-class Foundation(Item):
+class Foundation(Composed):
     """Elastic (Winkler) foundation of a beam: it is held everywhere along its axis.
 
     A displacement u of the axis from its reference is resisted by ``k u + c du/dt`` per reference
@@ -626,42 +641,21 @@ class Foundation(Item):
             self._tensor(name, value)
             for name, value in (("stiffness", stiffness), ("damping", damping))
         )
-        self._supports = self._on_nodes()
+        k, c = self.tensors
+        elements = beam.part(part)
+        nodes, lengths = beam.basis.connectivity[elements], beam.basis.elemental_load(elements)
+        weights = np.bincount(nodes.ravel(), lengths.ravel())
+        # springs on nodes, in proportion to their lengths
+        self._made = {
+            f"/{node}": _Support(beam.node(int(node)), weights[node] * k, weights[node] * c)
+            for node in np.flatnonzero(weights)
+        }
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from super()._parts()
         yield from zip(("stiffness", "damping"), self.tensors, strict=True)
 
-    def _on_nodes(self) -> dict[int, _Support]:
-        """A spring on each node, in proportion to its length."""
-        beam, (k, c) = self.beam, self.tensors
-        elements = beam.part(self.part)
-        weights = np.zeros(len(beam.basis.nodes))
-        np.add.at(weights, beam.basis.connectivity[elements], beam.basis.elemental_load(elements))
-        return {
-            int(node): _Support(beam.node(int(node)), weights[node] * k, weights[node] * c)
-            for node in np.flatnonzero(weights)
-        }
-
     def _tensor(self, name: str, value: float | ArrayLike) -> Floats:
         """(3, 3) of a number, three or nine."""
         array = shaped(self.label, name, value, (), (3,), (3, 3))
         return semidefinite(self.label, name, array if array.ndim == 2 else array * np.eye(3))
-
-    def with_replacements(self, replacements: Replacements) -> Self:
-        """Copy for the beam that replaces its own, on the nodes of that beam."""
-        other = loosened(copy(self))
-        other.name, other.beam = None, replacements.of(self.beam)
-        check_beam(self.label, other.beam)
-        other._supports = other._on_nodes()
-        return other
-
-    def pieces(self) -> list[Coupling]:
-        """Its springs, named after it and the beam's nodes."""
-        for node, support in self._supports.items():
-            vars(support)["name"] = f"{self.name}/{node}"
-        return list(self._supports.values())
-
-    def references(self) -> Sequence[Item]:
-        """The beam."""
-        return [self.beam]

@@ -239,6 +239,38 @@ def bushings() -> sc.Model:
 
 
 @scene
+def laws() -> sc.Model:
+    """Forces, forms and potentials of own functions, and end stops."""
+    model = sc.Model()
+    beam = rod(model)
+    hinge = hinged(model, beam)
+    model.add("stops", sc.JointLimits(hinge, -0.01, 0.5, 1e3, 0.1))
+    model.add("servo", sc.JointServo(hinge, 5.0, 0.1, ki=3.0, reference=0.2, limit=2.0))
+    sampled = sc.Controller(4e-3, lambda x, v, t: 0.5 - 0.2 * v)
+    model.add("sampled", sc.Force(hinge, sampled))
+    box = weighted(model, beam)
+    model.add("wind", sc.LoadForm(beam, lambda v, w: -0.3 * (w.velocity * v[:3]).sum(0)))
+    model.add("bed", sc.EnergyForm(beam, lambda w: 20.0 * ((w.phi - w.x) ** 2).sum(0)))
+    model.add("drag", sc.Force(box.at((1.2, 0, 0)), lambda x, v, t: -0.2 * v))
+    return model
+
+
+@scene
+def obstacles() -> sc.Model:
+    """A beam and a box in three of them from the start, with friction."""
+    model = sc.Model()
+    beam = rod(model)
+    hinged(model, beam)
+    box = weighted(model, beam)
+    rough = {"damping": 0.1, "friction": 0.3, "slip_speed": 0.01}
+    model.add("floor", sc.Obstacle(sc.Plane((0, -0.051, 0), (0, 1, 0)), box, 1e3, **rough))
+    model.add("ball", sc.Obstacle(sc.Sphere((0.5, -0.2, 0), 0.201), beam, 1e3, **rough))
+    tube = sc.Cylinder((0, 0, 0), (1, 0, 0), 0.03, inside=True)
+    model.add("tube", sc.Obstacle(tube, beam, 1e3, radius=0.031, **rough))
+    return model
+
+
+@scene
 def driven() -> sc.Model:
     model = sc.Model()
     beam = rod(model)

@@ -20,11 +20,12 @@ from .result import Doubt, Path, recorded_amplitudes
 def falls(run: Run) -> Iterator[Doubt]:
     """A scene that starts at rest, and that gravity pulls away as a whole, as nothing holds it.
 
-    Where events act, it is meant to fall: onto something, or after a release.
+    Where events or forces of own laws act, it is meant to fall: onto something, or after a release.
     """
     system, history = run.system, run.history
     weights = [np.any(term.acceleration()) for term in system.loading.terms]
-    free = bool(weights) and all(weights) and separate_parts(system).free.all()
+    free = bool(weights) and all(weights) and not system.couplings.own
+    free = free and bool(separate_parts(system).free.all())
     first, last = history["p"][[0, -1]]
     if free and np.any(last) and not (history.meta["eventful"] or np.any(first)):
         yield Doubt("model", "nothing ties it to the ground, so all of it falls")

@@ -75,7 +75,7 @@ from .tables import (
 # -- from force elements to the arrays of the compiled kernels -------------------------------------
 
 COUPLING_KINDS = {
-    **dict.fromkeys(("displacement", "position"), DISPLACEMENT),
+    **dict.fromkeys(("displacement", "position", "height"), DISPLACEMENT),
     "distance": DISTANCE,
     "angle": ANGLE,
     "rotation": ROTATION,

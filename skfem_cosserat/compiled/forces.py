@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..model.coordinates import NEAR_ONE, QUADRATURE, TURN_POWERS
+from ..model.coordinates import NEAR, NEAR_ONE, QUADRATURE, TURN_POWERS
 from ..types import Floats, IndexArray
 from .elements import pace, scalar_block
 from .jit import call_back, inlined, part, shared
@@ -148,7 +148,7 @@ def value(kind: int, d: int, pi: Floats, p: int, xi: Floats, x: int) -> None:
         xi[x, i] = pi[p, i]
     a = pi[p, d]
     if kind == DISTANCE:
-        xi[x, d] = np.sqrt(a)
+        xi[x, d] = np.sqrt(a + NEAR)
     elif kind == ANGLE:
         xi[x, d] = np.arctan2(pi[p, d + 1], a)
     elif kind == ROTATION:
@@ -190,7 +190,7 @@ def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
     shifts(kind, d, J, j)
     a = pi[p, d]
     if kind == DISTANCE:
-        J[j, d, d] = 0.5 / np.sqrt(a)
+        J[j, d, d] = 0.5 / np.sqrt(a + NEAR)
     elif kind == ANGLE:
         b = pi[p, d + 1]
         J[j, d, d], J[j, d, d + 1] = -b / (a * a + b * b), a / (a * a + b * b)
@@ -206,7 +206,7 @@ def curvature(kind: int, d: int, pi: Floats, p: int, X: Floats) -> None:
     clear(X)
     a = pi[p, d]
     if kind == DISTANCE:
-        X[0, 0, 0] = -0.25 / (a * np.sqrt(a))
+        X[0, 0, 0] = -0.25 / (a + NEAR) ** 1.5
     elif kind == ANGLE:
         b = pi[p, d + 1]
         fourth = (a * a + b * b) ** 2

@@ -22,6 +22,8 @@ from ..types import Array, Floats
 
 #: most components of the coordinates of a force element in compiled steps
 MOST_XI = 6
+#: added to squares of distances, which are divided by: at a distance of zero there is no direction
+NEAR = 1e-200
 
 
 class Kind(ABC):
@@ -43,9 +45,10 @@ class Kind(ABC):
     def value(self, pi: Array) -> Array:
         """``xi`` (..., m), the principal value of an angle."""
 
-    @abstractmethod
     def slope(self, pi: Array) -> Array:
-        """``dxi/dpi`` (..., m, k)."""
+        """``dxi/dpi`` (..., m, k), by default ``Psi(pi, pi)``."""
+        xi = self.value(pi)
+        return self.discrete(pi, xi, pi, xi)
 
     @abstractmethod
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
@@ -66,10 +69,6 @@ class Displacement(Kind):
         """``xi = pi``."""
         return pi
 
-    def slope(self, pi: Array) -> Array:
-        """``dxi/dpi = 1``."""
-        return np.ones((*pi.shape, 1))
-
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = 1``."""
         return np.ones((*pi1.shape, 1))
@@ -80,11 +79,7 @@ class Distance(Kind):
 
     def value(self, pi: Array) -> Array:
         """``xi = sqrt(pi)``."""
-        return np.sqrt(pi)
-
-    def slope(self, pi: Array) -> Array:
-        """``dxi/dpi = 1/(2 sqrt(pi))``."""
-        return 0.5 / np.sqrt(pi)[..., None]
+        return np.sqrt(pi + NEAR)
 
     def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
         """``Psi = 1/(xi_0 + xi_1)``."""
@@ -187,6 +182,7 @@ class Joined(Kind):
 KINDS: dict[str, Kind] = {
     "displacement": Displacement(),
     "position": Displacement(),
+    "height": Displacement(),
     "distance": Distance(),
     "angle": Angle(),
     "rotation": Rotation(),

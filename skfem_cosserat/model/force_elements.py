@@ -635,6 +635,8 @@ class Couplings:
             for member in members:
                 self.times += member.channels
                 self.owners += [member] * len(member.channels)
+        #: those of own laws, by law
+        self.laws = [g.members for g in self.groups if isinstance(g.law, OwnLaw)]
         #: whether no actuator depends on time
         self.constant = all(isinstance(time, Constant) for time in self.times)
         none = np.zeros((0, 2), dtype=np.int64)

@@ -295,8 +295,8 @@ def out_of_plane(system: System, plane: Plane) -> OutOfPlane:
         if not _in_plane(drive.joint, drive.coordinate.name, plane):
             yield drive.label, f"prescribes the {drive.coordinate.name}, which leaves the plane"
     yield from _loads(system.loading, plane)
-    for coupling in [*system.couplings.items, *system.couplings.own]:
-        yield from _coupling(system, coupling, plane)
+    for members in [*([item] for item in system.couplings.items), *system.couplings.laws]:
+        yield from _coupling(system, members, plane)
     yield from _ground(system, plane)
 
 
@@ -506,8 +506,12 @@ def guard_of(loading: Loading, plane: Plane) -> Callable[[Floats, float], None] 
     return check if watched else None
 
 
-def _coupling(system: System, item: Coupling, plane: Plane) -> OutOfPlane:
-    """By its forces; springs on an angle of a joint by its axis: it turns in the plane or never."""
+def _coupling(system: System, members: list[Coupling], plane: Plane) -> OutOfPlane:
+    """By its forces; springs on an angle of a joint by its axis: it turns in the plane or never.
+
+    Several are of one law.
+    """
+    item = members[0]
     coordinate = item.coordinates[0]
     if (
         isinstance(item, JointSpringDamper | JointActuator)
@@ -521,7 +525,7 @@ def _coupling(system: System, item: Coupling, plane: Plane) -> OutOfPlane:
             yield item.label, f"acts on the {coordinate.name}, which leaves the plane"
         return
     instants = INSTANTS if item.channels or item.own_law else INSTANTS[:3]
-    yield from _pushed(system, system.couplings_of([item]), item.label, instants, plane)
+    yield from _pushed(system, system.couplings_of(members), item.label, instants, plane)
 
 
 def _pushed(
@@ -565,8 +569,8 @@ def functions_off_plane(
     plane, n = system.plane, len(states)
     if plane is None or n < 2:
         return None
-    for item in system.couplings.own:
-        alone, none = system.couplings_of([item]), np.zeros(1)
+    for members in system.couplings.laws:
+        alone, none = system.couplings_of(members), np.zeros(1)
         worst, most, when = 0.0, 0.0, 0.0
         for k in range(n):
             other, t = k + 1 if k + 1 < n else k - 1, float(times[k])
@@ -581,7 +585,7 @@ def functions_off_plane(
         if worst > SHARE * most:
             share = f"by a share of {worst / most:.3g}, which the run left out"
             text = f"pushed out of the plane that the scene is confined to, {share}"
-            return item.label, text, when
+            return members[0].label, text, when
     return None
 
 

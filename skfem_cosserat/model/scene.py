@@ -13,7 +13,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..body import MassPoint, RigidBody
-from ..coupling import Coupling, Foundation, JointLimits
+from ..coupling import Composed, Coupling
 from ..damping import RayleighDamping
 from ..errors import IncompatibleError, InputError, ModelWarning
 from ..frames import Item, Place, StructuralItem, is_beam
@@ -39,7 +39,7 @@ from .system import Pictured, System, listed
 ItemT = TypeVar("ItemT", bound=Item)
 
 #: single ones, and items that are composed of them
-FORCE_ELEMENTS = Coupling, Foundation, JointLimits
+FORCE_ELEMENTS = Coupling, Composed
 
 # -- scenes that change while they move: joints locked, freed or taken away, loads switched --------
 #
@@ -277,14 +277,7 @@ class Model(Pictured):
             )
         if not isinstance(
             item,
-            StructuralItem
-            | Joint
-            | JointDrive
-            | Load
-            | Coupling
-            | Foundation
-            | JointLimits
-            | RayleighDamping,
+            (StructuralItem, Joint, JointDrive, Load, RayleighDamping, *FORCE_ELEMENTS),
         ):
             raise InputError(
                 f"model, item {name!r}",

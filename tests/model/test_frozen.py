@@ -37,6 +37,10 @@ def energy(eps):
     return (np.array([2e3, 2e3, 5e3, 0.5, 0.5, 0.4]) * eps**2).sum(-1) / 2
 
 
+def height(x):
+    return x[:, 2]
+
+
 def seen(system, q, t):
     return t
 
@@ -124,8 +128,14 @@ ITEMS = [
     sc.LoadStrain(ROD, (0, 0, 1e-3, 0, 0, 0)),
     sc.TermAcceleration((0, 0, -9.81)),
     sc.Force([PLACE, BALL.place()], passing),
-    sc.LoadForm(ROD, passing),
-    sc.EnergyForm(ROD, passing),
+    sc.LoadForm(ROD, seen),
+    sc.EnergyForm(ROD, ramp),
+    sc.JointServo(HINGE, 2.0, 1.0, reference=ramp),
+    sc.Controller(1.0, passing),
+    sc.Plane((0, 0, 0), Z),
+    sc.Sphere((0, 0, 0), 1.0),
+    sc.Cylinder((0, 0, 0), Z, 1.0),
+    sc.Obstacle(height, [BODY, BALL, ROD.node("mid")], 10.0, friction=0.1, slip_speed=0.1),
     sc.FunctionOfTime(ramp),
     sc.RampLinear(0.0, 1.0),
     sc.RampSmooth(0.0, 1.0, last=3.0),

@@ -24,6 +24,7 @@ KINDS = (
     "Solver",
 )
 ITEMS = {"Beam", "Bushing", "Cable", "Foundation", "MassPoint", "RayleighDamping", "RigidBody"}
+ITEMS |= {"Cylinder", "EnergyForm", "Force", "Obstacle", "Plane", "Sphere"}
 ITEMS |= {"SpringDamper", "FunctionOfTime", "Harmonic", "Table", "Explicit"}
 ITEMS |= {"ArcLength", "DisplacementControl"}
 #: base classes, what every beam has, what needs more than the core, what only reads
