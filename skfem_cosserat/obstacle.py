@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -13,11 +14,11 @@ from .force import Force
 from .frames import Place, StructuralItem, ground, is_beam, no_place, unit_vector, vector
 from .frozen import Frozen
 from .law import LawStored
-from .relative import RelativeCoordinate, displacement, distance
+from .relative import RelativeCoordinate, displacement, distance, normals
 from .types import Array, ArrayLike, Floats, not_negative, positive, switch
 
 
-class Surface(Frozen):
+class Surface(Frozen, ABC):
     """Base of the surfaces of obstacles: where a height, or a distance, is that of a radius.
 
     Parameters
@@ -45,6 +46,16 @@ class Surface(Frozen):
         """The gap: distances (n,) outside of points x (n, 3) in m; they may be complex."""
         r = (x - self.point) @ self.across.T
         return self.side * ((np.sqrt((r * r).sum(-1)) if self.radius else r[:, 0]) - self.radius)
+
+    def outward(self, x: Array) -> Array:
+        """Directions (n, 3) in which the gap of points x (n, 3) grows; they may be complex."""
+        r = (x - self.point) @ self.across.T
+        length = np.sqrt((r * r).sum(-1, keepdims=True)) if self.radius else r
+        return self.side * (r / length) @ self.across
+
+    @abstractmethod
+    def coordinate(self, place: Place) -> RelativeCoordinate:
+        """A length of a place that is the radius at the surface."""
 
 
 class Plane(Surface):
@@ -143,6 +154,12 @@ class Cylinder(Surface):
         across = np.eye(3) - np.outer(self.axis, self.axis)
         super().__init__(point, across, positive("cylinder", "radius", radius), inside)
 
+    def coordinate(self, place: Place) -> RelativeCoordinate:
+        """The distance of a place from the axis."""
+        origin = ground(self.point)
+        lengths = (displacement("gap", origin, place, n).forms[0] for n in normals(self.axis))
+        return RelativeCoordinate("gap", "radius", tuple(lengths))
+
 
 class _Touch(Coupling):
     """A place with a radius that touches a surface."""
@@ -150,9 +167,7 @@ class _Touch(Coupling):
     kind = "obstacle"
     slack = True
 
-    def __init__(
-        self, surface: Plane | Sphere, place: Place, radius: float, k: float, c: float
-    ) -> None:
+    def __init__(self, surface: Surface, place: Place, radius: float, k: float, c: float) -> None:
         self.a, self.b = ground(surface.point), place
         self.coordinates, self.sign = (surface.coordinate(place),), -surface.side
         self._set_law(k, c, surface.radius + surface.side * radius)
@@ -175,12 +190,12 @@ class Obstacle(Composed):
     turned by friction, balls do not roll. Not there: beams that touch beams, bodies that touch
     bodies, friction in joints, a coefficient of restitution (there is `damping`), adhesion.
 
-    With planes and spheres point k is ``coupling/NAME/k`` in histories, its coordinate the height
-    over the plane, or the distance from the centre; friction is ``load/NAME/friction``. Cylinders
-    and own functions are called back from compiled steps, which takes longer; their forces are
-    ``load/NAME``, and dampers belong to ``load/NAME/friction``. When such a contact begins or ends,
-    :class:`EnergyMomentum` has a force along the surface that falls with the square of the step.
-    The energy is in ``coupling_energy``, the work of friction in ``work_loads``.
+    Point k is ``coupling/NAME/k`` in histories, its coordinate the height over the plane, or the
+    distance from the centre or the axis; friction is ``load/NAME/friction``. Own functions are
+    called back from compiled steps, which takes longer; their forces are ``load/NAME``, and dampers
+    belong to ``load/NAME/friction``. When such a contact begins or ends, :class:`EnergyMomentum`
+    has a force along the surface that falls with the square of the step. The energy is in
+    ``coupling_energy``, the work of friction in ``work_loads``.
 
     Parameters
     ----------
@@ -250,11 +265,9 @@ class Obstacle(Composed):
         places, radii, shares = zip(*points, strict=True)
         self._radii = np.array(radii)[:, None] + radius
         self._stiffness = np.array(shares)[:, None] * stiffness
-        #: the gap with its derivatives, of complex numbers, too
-        size = getattr(surface, "radius", 0.0) or 1.0
-        self._gap = LawStored(self._gap_of, None, None, np.eye(3), size=size)
         self._made: dict[str, Coupling] = {}
-        if isinstance(surface, Plane | Sphere):
+        if isinstance(surface, Surface):
+            self._outward: Callable[[Array], Array] = surface.outward
             for k, (place, more, share) in enumerate(points):
                 self._made[f"/{k}"] = _Touch(
                     surface, place, radius + more, stiffness * share, damping * share
@@ -265,6 +278,8 @@ class Obstacle(Composed):
                 self._gap_of(np.array([place.position for place in places]) + 0j)
             except Exception as error:
                 raise failed(self.label, f"surface = {surface!r}", error) from error
+            # derivatives of the gap, of complex numbers, too
+            self._outward = LawStored(self._gap_of, None, None, np.eye(3)).stress
             self._made[""] = Force(
                 places, energy=self._energy, derivative=self._gradient, each=True
             )
@@ -294,18 +309,18 @@ class Obstacle(Composed):
 
     def _depth(self, x: Array) -> Array:
         """How deep places are in the obstacle (points, steps), zero outside."""
-        depth = self._radii - self._gap.energy(x).reshape(len(self._radii), -1)
+        depth = self._radii - self._gap_of(x).reshape(len(self._radii), -1)
         return depth * (depth.real > 0)
 
     def _energy(self, x: Array) -> Array:
         return (0.5 * self._stiffness * self._depth(x) ** 2).ravel()
 
     def _gradient(self, x: Array) -> Array:
-        return -(self._stiffness * self._depth(x)).reshape(-1, 1) * self._gap.stress(x)
+        return -(self._stiffness * self._depth(x)).reshape(-1, 1) * self._outward(x)
 
     def _law(self, x: Array, v: Array, t: float) -> Array:
         """Friction, and dampers that no coupling has."""
-        depth, normal = self._depth(x), self._gap.stress(x)
+        depth, normal = self._depth(x), self._outward(x)
         speed = (v * normal).sum(-1, keepdims=True)
         slip = v - speed * normal
         press = (self._stiffness * depth).reshape(-1, 1)

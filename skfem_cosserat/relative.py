@@ -202,9 +202,9 @@ class RelativeCoordinate(Attached):
     ----------
     name : str
         Such as "angle" or "displacement".
-    kind : {"angle", "displacement", "distance", "rotation", "position", "height"}
-        ``atan2(pi_2, pi_1)``; ``pi_1`` less its reference value; ``sqrt(pi_1)``; the rotation
-        vector of which ``pi_1..3`` is the sine times the axis and ``pi_4`` the cosine; the
+    kind : {"angle", "displacement", "distance", "radius", "rotation", "position", "height"}
+        ``atan2(pi_2, pi_1)``; ``pi_1`` less its reference value; ``sqrt(pi_1)``; ``|pi|``; the
+        rotation vector of which ``pi_1..3`` is the sine times the axis and ``pi_4`` the cosine; the
         last two ``pi_1``.
     forms : tuple of sums of products
         The invariants.

@@ -56,6 +56,7 @@ from .tables import (
     MOST_XI,
     NEUTRAL,
     OWN,
+    RADIUS,
     RIGHT,
     ROTATION,
     ROW,
@@ -77,6 +78,7 @@ from .tables import (
 COUPLING_KINDS = {
     **dict.fromkeys(("displacement", "position", "height"), DISPLACEMENT),
     "distance": DISTANCE,
+    "radius": RADIUS,
     "angle": ANGLE,
     "rotation": ROTATION,
 }

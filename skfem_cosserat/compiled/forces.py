@@ -68,6 +68,7 @@ from .tables import (
     MOST_XI,
     NEUTRAL,
     OWN,
+    RADIUS,
     ROTATION,
     ROW,
     ROWS,
@@ -91,7 +92,7 @@ def numbers_of_kind(kind: int) -> tuple[int, int]:
     """Components and invariants of a coordinate."""
     if kind == ROTATION:
         return 3, 4
-    return 1, 2 if kind == ANGLE else 1
+    return 1, 2 if kind in (RADIUS, ANGLE) else 1
 
 
 @inlined
@@ -149,6 +150,8 @@ def value(kind: int, d: int, pi: Floats, p: int, xi: Floats, x: int) -> None:
     a = pi[p, d]
     if kind == DISTANCE:
         xi[x, d] = np.sqrt(a + NEAR)
+    elif kind == RADIUS:
+        xi[x, d] = np.sqrt(a * a + pi[p, d + 1] ** 2 + NEAR)
     elif kind == ANGLE:
         xi[x, d] = np.arctan2(pi[p, d + 1], a)
     elif kind == ROTATION:
@@ -191,6 +194,10 @@ def slope(kind: int, d: int, pi: Floats, p: int, J: Floats, j: int) -> None:
     a = pi[p, d]
     if kind == DISTANCE:
         J[j, d, d] = 0.5 / np.sqrt(a + NEAR)
+    elif kind == RADIUS:
+        b = pi[p, d + 1]
+        r = np.sqrt(a * a + b * b + NEAR)
+        J[j, d, d], J[j, d, d + 1] = a / r, b / r
     elif kind == ANGLE:
         b = pi[p, d + 1]
         J[j, d, d], J[j, d, d + 1] = -b / (a * a + b * b), a / (a * a + b * b)
@@ -207,6 +214,11 @@ def curvature(kind: int, d: int, pi: Floats, p: int, X: Floats) -> None:
     a = pi[p, d]
     if kind == DISTANCE:
         X[0, 0, 0] = -0.25 / (a + NEAR) ** 1.5
+    elif kind == RADIUS:
+        b = pi[p, d + 1]
+        cube = (a * a + b * b + NEAR) ** 1.5
+        X[0, 0, 0], X[0, 1, 1] = b * b / cube, a * a / cube
+        X[0, 0, 1] = X[0, 1, 0] = -a * b / cube
     elif kind == ANGLE:
         b = pi[p, d + 1]
         fourth = (a * a + b * b) ** 2
@@ -225,6 +237,9 @@ def discrete(kind: int, d: int, P: Floats, xi0: float, xi1: float, J: Floats) ->
     shifts(kind, d, J, 0)
     if kind == DISTANCE:
         J[0, d, d] = 1.0 / (xi0 + xi1)
+    elif kind == RADIUS:
+        for n in range(d, d + 2):
+            J[0, d, n] = (P[BEGIN, n] + P[AT_END, n]) / (xi0 + xi1)
     elif kind == ANGLE:
         mean = 0.5 * (xi0 + xi1)
         factor = over_sine(0.5 * (xi1 - xi0))[0]
@@ -244,6 +259,12 @@ def discrete_slope(kind: int, d: int, P: Floats, xi0: float, xi1: float, X: Floa
     a = P[AT_END, d]
     if kind == DISTANCE:
         X[0, 0, 0] = -0.5 / (xi1 * (xi0 + xi1) ** 2)
+    elif kind == RADIUS:
+        for i in range(2):
+            for n in range(2):
+                both = (P[BEGIN, d + i] + P[AT_END, d + i]) / (xi0 + xi1)
+                one = 1.0 if i == n else 0.0
+                X[0, i, n] = (one - both * P[AT_END, d + n] / xi1) / (xi0 + xi1)
     elif kind == ANGLE:
         b = P[AT_END, d + 1]
         mean = 0.5 * (xi0 + xi1)

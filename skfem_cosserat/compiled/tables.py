@@ -5,7 +5,7 @@ from ..model.coordinates import MOST_XI
 # -- force elements, see :mod:`.forces` ---------------------------------------------------------
 
 #: kinds of the last coordinate
-DISPLACEMENT, DISTANCE, ANGLE, ROTATION = range(4)
+DISPLACEMENT, DISTANCE, RADIUS, ANGLE, ROTATION = range(5)
 #: most invariants of an element
 MOST_PI = MOST_XI + 1
 #: rows of a side

@@ -86,6 +86,20 @@ class Distance(Kind):
         return 1 / (xi0 + xi1)[..., None]
 
 
+class Radius(Kind):
+    """``xi = |pi|`` of two lengths; ``Psi = (pi_0 + pi_1)/(xi_0 + xi_1)``."""
+
+    invariants = 2
+
+    def value(self, pi: Array) -> Array:
+        """``xi = |pi|``."""
+        return np.sqrt((pi * pi).sum(-1, keepdims=True) + NEAR)
+
+    def discrete(self, pi0: Array, xi0: Array, pi1: Array, xi1: Array) -> Array:
+        """``Psi = (pi_0 + pi_1)/(xi_0 + xi_1)``."""
+        return ((pi0 + pi1) / (xi0 + xi1))[..., None, :]
+
+
 class Angle(Kind):
     """``xi = atan2(pi_2, pi_1)``, where ``pi`` is the cosine and the sine.
 
@@ -184,6 +198,7 @@ KINDS: dict[str, Kind] = {
     "position": Displacement(),
     "height": Displacement(),
     "distance": Distance(),
+    "radius": Radius(),
     "angle": Angle(),
     "rotation": Rotation(),
 }
