@@ -8,7 +8,6 @@ from typing import Any, Self, TypeAlias
 
 import numpy as np
 
-from .arguments import checked
 from .coupling import Coupling
 from .errors import InputError
 from .frames import Item, Place, no_place
@@ -24,7 +23,6 @@ EnergyFunction: TypeAlias = Callable[[Any], ArrayLike]
 Where: TypeAlias = Place | Expression | Joint | RelativeCoordinate
 
 
-@checked
 class Force(Coupling):
     """Forces as a function of places, or of coordinates of joints, their rates and the time.
 

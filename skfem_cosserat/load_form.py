@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from .arguments import checked
 from .errors import InputError
 from .force import Force
 from .frames import check_beam
@@ -100,7 +99,6 @@ class _OnBasis(Force):
             raise InputError(self.label, f"its form {text} (elements, points)") from error
 
 
-@checked
 class LoadForm(_OnBasis):
     """A linear form of scikit-fem that acts on a beam in runs and equilibria.
 
@@ -204,7 +202,6 @@ class _Test:
         raise InputError("form", "takes the gradient of v, expected its components alone")
 
 
-@checked
 class EnergyForm(_OnBasis):
     """A potential along a beam, given as a functional of scikit-fem.
 
