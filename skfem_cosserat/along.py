@@ -62,7 +62,7 @@ class Along(Frozen):
             given = Stations(f"{item}, table of {name}", given[0], values)
         elif not callable(given):
             given = shaped(item, name, given, (size,))
-        self.given: Any = given
+        self.given = given
 
     def _brief(self) -> str:
         return brief(self._given)

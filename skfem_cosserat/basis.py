@@ -115,8 +115,7 @@ class DirectorBasis(CellBasis):
         self.lengths = mesh.lengths
         self.nodes = np.empty((self.n_nodes, 3))
         if p > 1:
-            places = mesh.mapping().F(kind.nodes[None])
-            self.nodes[self.connectivity] = np.moveaxis(places, 0, -1)
+            self.nodes[self.connectivity] = np.moveaxis(mesh.mapping().F(kind.nodes[None]), 0, -1)
         self.nodes[:nv] = mesh.p.T
         lock_arrays(self)
         self._built = False
@@ -201,8 +200,7 @@ class DirectorBasis(CellBasis):
         True
         """
         if quadrature is None:
-            count = self.order + 1 if intorder is None else int(intorder) // 2 + 1
-            quadrature = self._rule(count)
+            quadrature = self._rule(self.order + 1 if intorder is None else int(intorder) // 2 + 1)
         element = ElementLineLobatto(self.interpolation)
         return CellBasis(self.mesh, element, mapping=self.mapping, quadrature=quadrature)
 
@@ -275,8 +273,7 @@ class DirectorBasis(CellBasis):
 
         Of the given elements (all by default).
         """
-        measure = self._measure(elements)
-        return (self.interpolation.full.values[:, None] * measure).sum(-1).T.copy()
+        return (self.interpolation.full.values[:, None] * self._measure(elements)).sum(-1).T.copy()
 
     def _measure(self, elements: IndexArray | slice) -> Floats:
         """Weights (ne, nq) of full integration, in m."""
@@ -397,8 +394,7 @@ class DirectorBasis(CellBasis):
             where the two agree to 1e-12.
         """
         out = np.einsum("eaik,eajk->eaij", triads, self.nodal_triads(triads)[self.connectivity])
-        same = np.abs(out - np.eye(3)).max(axis=(-2, -1)) < SAME
-        out[same] = np.eye(3)
+        out[np.abs(out - np.eye(3)).max(axis=(-2, -1)) < SAME] = np.eye(3)
         return out
 
 

@@ -214,9 +214,10 @@ class Beam(LineItem):
             ids = self.mesh.elements_of(name)
             taken = ids[number[ids] >= 0]
             if len(taken):
-                other = list(given)[number[taken[0]]]
                 raise InputError(
-                    self.label, f"element {taken[0]} gets two sections, of {other!r} and {name!r}"
+                    self.label,
+                    f"element {taken[0]} gets two sections, of"
+                    f" {list(given)[number[taken[0]]]!r} and {name!r}",
                 )
             number[ids] = k
         missing = np.flatnonzero(number < 0)

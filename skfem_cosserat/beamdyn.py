@@ -101,8 +101,7 @@ def read_beamdyn(path: FilePath, order: int = 3) -> BladeBeamDyn:
     twist = CubicSpline(curve.knots, -0.5 * np.pi - np.radians(angles), bc_type="not-a-knot")
 
     model = Model()
-    blade = Beam(mesh, table, order=order, director=(0.0, 1.0, 0.0), twist=twist)
-    beam = model.add("blade", blade)
+    beam = model.add("blade", Beam(mesh, table, order=order, director=(0.0, 1.0, 0.0), twist=twist))
     model.add("root", JointFixed(ground(points[0]), beam.node("blade.start")))
     left = tuple(name for name in primary.entries if name not in READ)
     return BladeBeamDyn(mesh, table, twist, model, beam, left)

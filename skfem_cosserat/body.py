@@ -30,8 +30,7 @@ class _Lump(StructuralItem):
         if on is not None and (on.item is None or on.triad is None):
             raise InputError(self.label, f"cannot be attached to {on.label}: needs a triad")
         if on is not None:
-            given = {"position": position, "velocity": velocity, **others}
-            for name, value in given.items():
+            for name, value in {"position": position, "velocity": velocity, **others}.items():
                 if value is not None:
                     raise InputError(
                         self.label,
@@ -206,8 +205,7 @@ class RigidBody(_Lump):
         if (inertia is None) == (euler is None):
             raise InputError(self.label, "give either inertia or euler, not both and not neither")
         name = "inertia" if euler is None else "euler"
-        given = inertia if euler is None else euler
-        value = shaped(self.label, name, given, (3,), (3, 3))
+        value = shaped(self.label, name, inertia if euler is None else euler, (3,), (3, 3))
         if value.ndim == 1:
             value = np.diag(value)
         value = symmetric(self.label, name, value)
@@ -461,8 +459,18 @@ def _lengths(shape: str, **values: float) -> list[float]:
 
 _BOX = np.array(
     [
-        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
-        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 6, 7],
+        [4, 7, 5],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
     ]
 )
 

@@ -115,8 +115,7 @@ class Joint(Item):
     framed_sides: tuple[str, ...] = ("a", "b")
 
     def __init__(self, a: Place, b: Place) -> None:
-        instead = "a spherical or a distance joint"
-        check_sides(self.label, a, b, self.framed_sides, instead)
+        check_sides(self.label, a, b, self.framed_sides, "a spherical or a distance joint")
         self.a = a
         self.b = b
 
@@ -194,8 +193,7 @@ class Joint(Item):
         if free.turns is None:
             framed = self.a.triad is not None and self.b.triad is not None
             return (*sliding, rotation("rotation", self.a, self.b)) if framed else tuple(sliding)
-        turning = [angle(t.name, self.a, self.b, t.axis, t.side) for t in free.turns]
-        return (*sliding, *turning)
+        return (*sliding, *[angle(t.name, self.a, self.b, t.axis, t.side) for t in free.turns])
 
     def coordinate(self, name: str | None = None) -> RelativeCoordinate:
         """One of :meth:`coordinates`; without a name the only one.

@@ -251,9 +251,7 @@ def beam_discrete_moduli(elements: BeamElements, eps0: Array, eps1: Array) -> Ar
 
 def beam_force(elements: BeamElements, B: Array, stress: Array) -> Array:
     """Internal force ``int B^T S ds`` (ne, 12 nn) for stress (ne, ng, 6)."""
-    ne = len(B)
-    weighted = stress * elements.measure
-    return (weighted.reshape(ne, 1, -1) @ B)[:, 0]
+    return ((stress * elements.measure).reshape(len(B), 1, -1) @ B)[:, 0]
 
 
 def beam_tangent(
@@ -353,8 +351,7 @@ def _from_section(rotations: Floats, rows: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Cross product over the last axis; much faster than numpy's for small arrays."""
-    turned = a * b.take(_YZX, axis=-1) - a.take(_YZX, axis=-1) * b
-    return turned.take(_YZX, axis=-1)
+    return (a * b.take(_YZX, axis=-1) - a.take(_YZX, axis=-1) * b).take(_YZX, axis=-1)
 
 
 _YZX = np.array([1, 2, 0])

@@ -107,8 +107,7 @@ class Law(Frozen, ABC):
         """
         # in one call: calls of functions take longer than what they do
         found = self.stress(mean[..., None, :] + _PLACES[:, None] * d[..., None, :])
-        beside = found[..., 1, :] + found[..., 2, :]
-        return found[..., 0, :], (beside * d).dot(self._ones)
+        return found[..., 0, :], ((found[..., 1, :] + found[..., 2, :]) * d).dot(self._ones)
 
     def _correction(self, eps0: Array, eps1: Array) -> _Correction:
         """Terms of the discrete derivative.
@@ -267,8 +266,7 @@ class LawStored(Law):
         m = len(moves)
         a, b = np.triu_indices(m)  # each pair once
         by = moves[a, None] * np.eye(m)[a]
-        shifts = np.array([by, -by, 2 * by, -2 * by]) + self._moves[b]
-        moved = eps[..., None, None, :] + shifts
+        moved = eps[..., None, None, :] + (np.array([by, -by, 2 * by, -2 * by]) + self._moves[b])
         found = self._value("energy", energy, moved, moved.shape[:-1]).imag / steps[b]
         near, far = found[..., 0, :] - found[..., 1, :], found[..., 2, :] - found[..., 3, :]
         out = np.empty((*eps.shape, m))
@@ -281,8 +279,7 @@ class LawStored(Law):
         """Derivative by the complex step; its index comes last but for those of the value."""
         steps, moved = self._steps, eps[..., None, :] + self._moves
         found = self._value(name, function, moved, (*eps.shape, *shape[eps.ndim :]))
-        axis = eps.ndim - 1
-        return found.imag / steps.reshape(-1, *(1,) * (found.ndim - 1 - axis))
+        return found.imag / steps.reshape(-1, *(1,) * (found.ndim - eps.ndim))
 
     def _value(
         self, name: str, function: StrainFunction, eps: Array, shape: tuple[int, ...]
@@ -316,8 +313,7 @@ def difference(function: StrainFunction, eps: Array, steps: Floats) -> Array:
     near, far = (
         function(eps[..., None, :] + k * by) - function(eps[..., None, :] - k * by) for k in (1, 2)
     )
-    extra = (1,) * (near.ndim - eps.ndim)
-    return (8 * near - far) / (12 * steps.reshape(-1, *extra))
+    return (8 * near - far) / (12 * steps.reshape(-1, *(1,) * (near.ndim - eps.ndim)))
 
 
 # -- functions of the strains of one point that numba, not imported here, has compiled -------------
@@ -367,8 +363,7 @@ class CompiledFunction:
         """Address of ``f(strains (k, 6), values (k, size), k)`` for kernels, of real or complex."""
         from numba import types
 
-        number = types.complex128 if kind is complex else types.float64
-        rows = types.Array(number, 2, "C")
+        rows = types.Array(types.complex128 if kind is complex else types.float64, 2, "C")
         self._each.compile((rows, rows, types.int64))
         made = self._each.overloads[rows, rows, types.int64]
         return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))

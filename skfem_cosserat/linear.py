@@ -481,8 +481,7 @@ class LinearSolver:
             try:
                 return SolverPardiso().bind(pattern)
             except ImportError as error:  # its libraries are missing
-                text = f"SolverPardiso() is not used: {error}"
-                warn("linear solver", text, PerformanceWarning)
+                warn("linear solver", f"SolverPardiso() is not used: {error}", PerformanceWarning)
         return SolverSuperLU().bind(pattern)
 
     @property

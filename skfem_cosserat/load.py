@@ -303,8 +303,7 @@ class TermLine(Term):
         if not self.follower:
             return value.reshape(-1, 3)
         beam = self.beam
-        nodes = beam.basis.connectivity[self.elements]
-        triads = beam.rotations[self.elements] @ beam.triads[nodes]
+        triads = beam.rotations[self.elements] @ beam.triads[beam.basis.connectivity[self.elements]]
         return (value[..., None, None, :] @ triads[:, None]).reshape(-1, 3)
 
     def on_elements(self, beam: Beam, mass: Floats, nodal: Floats, factor: float) -> Floats | float:
@@ -495,8 +494,7 @@ class Load(Item):
                 for i in range(3)
             )
             return
-        none = isinstance(value, tuple) and not value
-        own = None if none else vector(self.label, "value", value)
+        own = None if isinstance(value, tuple) and not value else vector(self.label, "value", value)
         self.time = time_function(self.label, amplitude)
         if own is not None:
             self.channels = ((own, self.time),)

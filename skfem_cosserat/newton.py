@@ -322,8 +322,7 @@ def enough(
     if before == np.inf:
         return False
     # after a mixed tangent the contraction is better than quadratic once, and not again
-    plain = before <= mixed
-    if plain and last < 1e-3 and last < before and last**3 / before**2 <= increment:
+    if before <= mixed and last < 1e-3 and last < before and last**3 / before**2 <= increment:
         return True
     if last <= 0.3 * before:
         return False

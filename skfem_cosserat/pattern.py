@@ -103,8 +103,7 @@ class FrozenPattern:
 def sum_at(index: IndexArray, values: Array, size: int) -> Array:
     """Sums of `values` by `index` (size,), real or complex."""
     if values.dtype.kind == "c":
-        real = np.bincount(index, values.real, size)
-        return real + 1j * np.bincount(index, values.imag, size)
+        return np.bincount(index, values.real, size) + 1j * np.bincount(index, values.imag, size)
     return np.bincount(index, values, size)
 
 

@@ -243,8 +243,7 @@ class Scene:
         points = np.concatenate([each.points(row["q"]) for row in rows for each in shapes])
         self.size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
         self.middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        joints = len(history.meta.get("joints", ()))
-        self.unit = 0.018 * self.size * (12 / max(joints, 12)) ** 0.5
+        self.unit = 0.018 * self.size * (12 / max(len(history.meta.get("joints", ())), 12)) ** 0.5
         loads = history.meta.get("loads", ())
         self.gravity = np.sum([load.get("acceleration", (0, 0, 0)) for load in loads], axis=0)
         tops = (self._forces(shape, row).max() for shape in self.shapes for row in rows)
@@ -432,7 +431,7 @@ class Stage:
             mesh = own[0].form.append_polydata(*(piece.form for piece in own[1:])).copy()
             mesh.clear_data()  # normals would stay as they are
             self._place(mesh, own, row)
-            style: dict[str, Any] = {"ambient": 0.25, "line_width": self.font / 6, "label": kind}
+            style = {"ambient": 0.25, "line_width": self.font / 6, "label": kind}
             style |= {"color": _faded(colour, strength)[0], "reset_camera": False, "render": False}
             if self.title in mesh.cell_data:
                 style |= {"scalars": self.title, "cmap": table, "clim": self.limits}
@@ -532,8 +531,7 @@ class Stage:
 
         self.plotter.renderer.ResetCameraClippingRange()
         self.plotter.render()
-        image = self.plotter.screenshot(return_img=True)
-        return Image.fromarray(image[..., :3]).reduce(self.finer)
+        return Image.fromarray(self.plotter.screenshot(return_img=True)[..., :3]).reduce(self.finer)
 
     def show(self, path: FilePath | None) -> Any:
         """Write it, or show it in a notebook or a window."""
@@ -602,8 +600,7 @@ def _staged(
     stage.add(pieces, rows[-1])
     if before:
         size = 0.12, 1.3 * stage.font * len(stage.shown) / stage.plotter.window_size[1]
-        legend = stage.plotter.add_legend(bcolor=None, face="rectangle", size=size)
-        legend.SetPosition(0.87, 0.05)
+        stage.plotter.add_legend(bcolor=None, face="rectangle", size=size).SetPosition(0.87, 0.05)
     stage.aim(rows[-1], [piece.points(row) for row in rows for piece in pieces], scene.gravity)
     return stage
 
@@ -627,7 +624,7 @@ def picture_of_scene(scene: Any, path: FilePath | None, look: Look) -> Any:
     system = system_of(scene, "model")
     meta, static = describe(system)
     rest = system.q0[None]
-    series: dict[str, Any] = {"t": [0], "step": [0], "load_factor": [0], "q": rest, "p": 0 * rest}
+    series = {"t": [0], "step": [0], "load_factor": [0], "q": rest, "p": 0 * rest}
     for name, channels in (("loads", system.loading), ("actuators", system.couplings)):
         factors = np.array(channels.values(0.0))
         series[f"amplitudes/{name}"] = np.where(factors == 0, 1.0, factors)[None]
@@ -650,8 +647,7 @@ def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
         if len(own):
             pieces.append(Piece(kind, pyvista.PolyData(own, lines=cells), _held(own), name))
     axes = mesh.size * np.eye(3)
-    at = _held((mesh.p.T, 0.004 * axes))
-    pieces.append(_copies("ground", "ball", at, "", mesh.p.shape[1]))
+    pieces.append(_copies("ground", "ball", _held((mesh.p.T, 0.004 * axes)), "", mesh.p.shape[1]))
     for name, node in mesh.nodes.items():
         pieces.append(_copies("joint", "ball", _held((mesh.p[:, node[0]], 0.007 * axes)), name))
     stage.add(pieces, {})

@@ -33,8 +33,7 @@ def write_report(history: History, path: FilePath) -> Path:
     try:
         from plotly.offline import get_plotlyjs
     except ImportError as error:
-        text = "plotly is needed here: pip install skfem-cosserat[report]"
-        raise ImportError(text) from error
+        raise ImportError("plotly is needed here: pip install skfem-cosserat[report]") from error
     if not len(history):
         raise InputError("history", "has no states")
     rows = spread(len(history), min(max(_COORDINATES // history["q"].shape[1], 2), _STATES))

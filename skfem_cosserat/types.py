@@ -74,8 +74,7 @@ def symmetric(item: str, name: str, value: Floats) -> Floats:
     """The mean of a matrix and its transpose, or an error if they differ by more than rounding."""
     skewed = float(abs(value - value.T).max())
     if skewed > SAME * abs(value).max():
-        text = f"{name} is not symmetric by {skewed:.6g}: {value.tolist()}"
-        raise InputError(item, text)
+        raise InputError(item, f"{name} is not symmetric by {skewed:.6g}: {value.tolist()}")
     return 0.5 * (value + value.T)
 
 

@@ -46,7 +46,10 @@ CLOCK_OF_RUNS, CLOCK_OF_PATHS = "t = {:.6g} s", "load factor {:.6g}"
 
 #: of several kinds the first one is the gravest
 GRAVE: tuple[type[CosseratWarning], ...] = (
-    *(AccuracyWarning, ModelWarning, IncompleteWarning, PerformanceWarning),
+    AccuracyWarning,
+    ModelWarning,
+    IncompleteWarning,
+    PerformanceWarning,
 )
 
 _PACKAGE = __name__.partition(".")[0]

@@ -226,8 +226,7 @@ def precision_chart(
         raise InputError("argument quantities", f"[], expected some of {', '.join(drawn.limits)}")
     column, label = COSTS[cost]
     figure, axes = panels(PAGE, 4.6 * len(drawn.points), len(drawn.points))
-    chosen = _chosen(drawn, column, most)
-    shown = styles({name: drawn.families[name] for name in chosen})
+    shown = styles({name: drawn.families[name] for name in _chosen(drawn, column, most)})
     for axis, name in zip(axes, drawn.points, strict=True):
         axis.set(xscale="log", yscale="log", xlabel=label, ylabel=_error_label(name, units))
         lines = drawn.fronts(drawn.kind, name, column)
@@ -280,7 +279,7 @@ def _several(lines: Mapping[str, Sequence[Row]], groups: Mapping[str, Any]) -> l
 def _chosen(drawn: Drawn, column: str, most: int) -> list[str]:
     """The best line of each group, and others nearest to what is cheapest, in their order."""
     ratios: dict[str, list[float]] = {line: [] for line in drawn.families}
-    owners: dict[str, str] = {}
+    owners = {}
     room = most
     for name in drawn.points:
         lines, groups = (drawn.fronts(by, name, column) for by in (drawn.kind, _group))

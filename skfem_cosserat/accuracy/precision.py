@@ -812,8 +812,7 @@ class _PrecisionStudy:
 
     def _drop_strange(self, name: str) -> None:
         """Setups that cannot be compared with the reference have failed, and disturb no others."""
-        labels = [setup.label for setup in self.setups if setup.label in self.samples]
-        for label in labels:
+        for label in [setup.label for setup in self.setups if setup.label in self.samples]:
             comparing = Caught()
             with comparing:
                 pair = {each: self.samples[each] for each in (*self.truth.runs, label)}

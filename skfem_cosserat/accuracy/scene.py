@@ -341,8 +341,7 @@ class Asked:
 
     def events(self, copies: Replacements | None) -> list[Event]:
         """Events that the run has."""
-        made = self.copied(copies).values()
-        return [each.event for each in made if isinstance(each, _TimeOf)]
+        return [each.event for each in self.copied(copies).values() if isinstance(each, _TimeOf)]
 
     def read(self, run: Run, copies: Replacements | None) -> dict[str, Reading]:
         """All of them, in a run."""
@@ -590,7 +589,6 @@ class Scene:
         if self.moves:
             state = self.begin(system, nudge)
             # functions look at recorded states: more of them
-            rows = 1024 if self.asked.needs_states else 128
             history = simulate(
                 system,
                 self.integrator,
@@ -598,7 +596,7 @@ class Scene:
                 self.span / case.steps,
                 state.time + self.span,
                 start=state,
-                every=max(1, case.steps // rows),
+                every=max(1, case.steps // (1024 if self.asked.needs_states else 128)),
                 sensors=self.asked.sensors(copies),
                 events=self.asked.events(copies) or None,
             )

@@ -179,8 +179,7 @@ def _suggested(
         found = []
         for (what, theory), left, size in zip(choices, slight, compared, strict=True):
             part = float(np.max(left)) / size if size else 0.0
-            held = set(theory.held) > set(scene.beams[names[0]].theory.held)
-            if held and part <= SLIGHT:
+            if set(theory.held) > set(scene.beams[names[0]].theory.held) and part <= SLIGHT:
                 of = "all energy" if what == "strains" else "their strain energy"
                 why = f"at most {part:.1e} of {of}"
                 found.append(_Trial(f"{what} of {label}", why, case, dict.fromkeys(names, theory)))

@@ -501,8 +501,7 @@ class Map(Report):
             values = product(*self.axes.values())
             choices = [dict(zip(self.axes, choice, strict=True)) for choice in values]
             check_call(line, choices[0], f"line {text!r}")
-            found = [float(line(**choice)) for choice in choices]
-            return np.array(found).reshape(self.cells.shape)
+            return np.array([float(line(**choice)) for choice in choices]).reshape(self.cells.shape)
         field = np.asarray(line, dtype=float)
         if field.shape != self.cells.shape:
             raise InputError(

@@ -118,8 +118,7 @@ class Answer(Shown):
 
     def __str__(self) -> str:
         """At most eight lines."""
-        state = "within the tolerance" if self.reached else f"not reached: {self.reason}"
-        lines = [state]
+        lines = ["within the tolerance" if self.reached else f"not reached: {self.reason}"]
         for name in sorted(self.band, key=lambda n: -self.band[n] / self.tolerance[n])[:4]:
             band, value = self.band[name], np.asarray(self.values[name])
             last = value[-1] if len(self.times) and value.ndim and len(value) > 1 else value

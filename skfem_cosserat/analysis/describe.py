@@ -111,8 +111,7 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
 
 def shown(system: System) -> list[Coupling]:
     """Force elements between two places: those of own laws at places are listed as loads."""
-    own = [c for c in system.couplings.own if not whole_of(c).points]
-    return [*system.couplings.items, *own]
+    return [*system.couplings.items, *[c for c in system.couplings.own if not whole_of(c).points]]
 
 
 def _tied(item: Any, kind: str) -> dict[str, Any]:
@@ -205,7 +204,7 @@ def _described_sections(beam: Beam) -> dict[str, Array]:
     from ..section_field import distinct
 
     radius, at = np.zeros((len(beam.section_id), 2)), np.linspace(0.0, 1.0, beam.basis.order + 1)
-    found: dict[str, Array] = {"radius": radius}
+    found = {"radius": radius}
     for k in range(len(beam.sections)):
         own = np.flatnonzero(beam.section_id == k)
         with suppress(InputError):  # as at the point of a cone, which is drawn as a line
@@ -506,6 +505,5 @@ def _stored_formulas(system: System) -> Formulas:
 
 def _balance(history: History) -> list[Floats]:
     """Energy less all work done since the start, and what was dissipated."""
-    work = sum(history[name] for name in WORKS)
-    balance = history["energy"] - work + history["dissipated"]
+    balance = history["energy"] - sum(history[name] for name in WORKS) + history["dissipated"]
     return [balance - balance[:1]]

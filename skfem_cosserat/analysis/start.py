@@ -347,8 +347,7 @@ def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance
     # the rate of a prescribed motion is known to a difference quotient's error only
     floor = 4 * error + (1e-11 * system.length if system.moving else 0.0)
     # what is held at rest in a moving scene has rates of rounding size only
-    most = np.full_like(rates, largest(rates))
-    rounding = 1e-13 * system.constraints.magnitudes(y, most)
+    rounding = 1e-13 * system.constraints.magnitudes(y, np.full_like(rates, largest(rates)))
     excess = hidden - tolerance * system.constraints.magnitudes(y, rates) - floor - rounding
     if excess.max(initial=0.0) > 0:
         row = excess.argmax()

@@ -25,8 +25,7 @@ def inside_out(result: Recorded) -> Iterator[Doubt]:
     system, history = result.system, result.history
     for group in system.beam_groups:
         stretch = group_stretches(group, history["q"]).min(axis=2)
-        rows = np.flatnonzero((stretch <= 0).any(axis=1))
-        for row in rows[:1]:
+        for row in np.flatnonzero((stretch <= 0).any(axis=1))[:1]:
             worst = stretch[row].argmin()
             beam, e = beam_of(system, group, worst)
             yield Doubt(

@@ -67,8 +67,7 @@ class Restriction:
 
     def restrict(self, residual: Array) -> Array:
         """``E^T r`` of (n + m,) or (n,) numbers."""
-        back = self._to_plane if len(residual) == self.system.n else self._back
-        return back @ residual
+        return (self._to_plane if len(residual) == self.system.n else self._back) @ residual
 
     def expand(self, unknowns: Array) -> Array:
         """``E u`` (n + m,)."""
@@ -156,7 +155,7 @@ class BoundMultipliers(BoundTreatment):
         size = g.magnitudes(system.extend(system.q0, 0.0))
         size = size if self._inside is None else size[self._inside.kept]
         self.gap_terms = np.where(size > 0, size, 1.0)
-        self._q0: Floats = np.zeros(n)
+        self._q0 = np.zeros(n)
         self.sought = self._q0, np.zeros(m)
         self._keep = np.ones(m)
         if self._inside is not None:

@@ -371,8 +371,7 @@ class BoundNullSpace(BoundTreatment):
         """Move the tree's coordinates (K,), and add to the multipliers of strains."""
         self.nodal.add(increment)
         self._multipliers = self._multipliers + multipliers
-        before = self.moved[: len(increment)]
-        self.moved = np.concatenate([before + increment, self._multipliers])
+        self.moved = np.concatenate([self.moved[: len(increment)] + increment, self._multipliers])
 
     def configure(self) -> Array:
         """``y_1`` (all rows) sought, after its loops are closed."""

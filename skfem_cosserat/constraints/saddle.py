@@ -104,8 +104,7 @@ def nearest_velocity(system: System, y: Floats, p: Floats, t: float | None) -> F
 
 def nearest_momentum(system: System, y: Floats, p: Floats, t: float | None) -> Floats:
     """``Q p = M v`` (n,) of the :func:`nearest_velocity`."""
-    v = nearest_velocity(system, y, p, t)
-    return (system.mass @ v.reshape(-1, 3)).reshape(-1)
+    return (system.mass @ nearest_velocity(system, y, p, t).reshape(-1, 3)).reshape(-1)
 
 
 def balancing(system: System, y: Floats, force: Floats) -> Floats:
@@ -197,8 +196,7 @@ def accelerations(
     velocity = v.reshape(-1, 3)
     rates, curved = _ground_rates(system, t)
     ydot = np.concatenate([velocity, rates])
-    at = amplitudes_at(system, t)
-    force = -balance(system, y, at, turns=turns, ydot=ydot, viscous=viscous).R
+    force = -balance(system, y, amplitudes_at(system, t), turns=turns, ydot=ydot, viscous=viscous).R
     # constraints are cubic in y at most: this second difference is exact but for rounding
     size = float(abs(ydot).max(initial=0.0))
     bend = np.zeros(system.m)

@@ -98,8 +98,7 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
 
     def energies(some: Floats) -> Floats:
         rows = in_rows(system, some)
-        products = (rows * solve(rows)).sum(0)
-        return 0.5 * products.reshape(-1, 3).sum(1)
+        return 0.5 * (rows * solve(rows)).sum(0).reshape(-1, 3).sum(1)
 
     return _in_parts(energies, system.n, np.asarray(p))
 
@@ -272,8 +271,7 @@ def load_factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, cou
         # a pulse that is over, most of the time
         times = np.minimum(as_times(t, count), max(loading.constant_after, 0.0))
         some, which = np.unique(times, return_inverse=True)
-        each = [loading.values(s) for s in some.tolist()]
-        return np.reshape(each, (len(some), channels))[which]
+        return np.reshape([loading.values(s) for s in some.tolist()], (len(some), channels))[which]
     given = np.asarray(amplitudes, dtype=float)
     if given.shape not in ((channels,), (count, channels)):
         raise InputError(

@@ -167,8 +167,7 @@ def _beam(source: Beam, target: Beam, y: Floats, ydot: Floats) -> tuple[Floats, 
 def spins(now: Floats, rate: Floats) -> Floats:
     """Angular velocities (..., 3) that come nearest to the rates of directors."""
     d, ddot = now[..., 1:, :], rate[..., 1:, :]
-    squares = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3)
-    inertia = squares - np.swapaxes(d, -1, -2) @ d
+    inertia = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3) - np.swapaxes(d, -1, -2) @ d
     return np.linalg.solve(inertia, np.cross(d, ddot).sum(axis=-2)[..., None])[..., 0]
 
 
@@ -366,8 +365,7 @@ class SectionPlaces:
         lengths = beam.elements.lengths[e][:, None]
         self._shapes = beam.basis.shape(x).T, beam.basis.dshape(x).T / lengths
         self._turned, self._sections = beam.rotations[e], beam.section_points(e, x[:, None])
-        own = 4 * beam.basis.connectivity[e][:, :, None] + np.arange(4)
-        self._own = own.reshape(len(e), -1)
+        self._own = (4 * beam.basis.connectivity[e][:, :, None] + np.arange(4)).reshape(len(e), -1)
         self._reference = self._at(beam.reference.reshape(1, -1, 3)[:, self._own])[1]
         free = np.zeros((len(e), 1, 6)) + beam.strains_at(e, x[:, None])
         self._reference = self._reference + free[:, 0]
@@ -395,8 +393,7 @@ class SectionPlaces:
         """Positions, triads, strains and resultants at the places, see :func:`evaluate`."""
         Q = np.reshape(q, (-1, system.rows, 3))
         beam, group = self.beam, group_of(system, self.beam)
-        rows = group.rows[group.slices[id(beam)]][self._e]
-        value, strain = self._at(Q[:, rows])
+        value, strain = self._at(Q[:, group.rows[group.slices[id(beam)]][self._e]])
         strain = strain - self._reference
         triad = value[:, :, 1:]
         if switch("argument orthonormal", orthonormal):

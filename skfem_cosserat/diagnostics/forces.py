@@ -140,7 +140,7 @@ def end_forces(system: System, history: History) -> dict[str, tuple[Floats, Floa
     >>> (forces[-1, 0, :, 2].round(6) + 0).tolist(), float(strains[-1, 0, 0, 2].round(9))
     ([20.0, 0.0], 2e-05)
     """
-    out: dict[str, tuple[Floats, Floats]] = {}
+    out = {}
     if "increment" in history:  # a mode is linear in its motion, of which a small one is taken
         one, two = (end_forces(system, _shrunk(history, size)) for size in (-SMALL, SMALL))
         for name, both in one.items():

@@ -18,7 +18,7 @@ from .stacked import all_rows, at_place, rates
 
 def acting(system: System) -> list[Load | Force]:
     """Loads that have places, unlike gravity, and forces there, unlike strains."""
-    out: list[Load | Force] = []
+    out = []
     for load in system.loads:
         lines = [each for each in load.made_of if isinstance(each, TermLine)]
         if load.places() or any(not isinstance(each, TermStrain) for each in lines):
@@ -62,8 +62,7 @@ def _of_channels(
     system: System, load: Load, history: History, y: Floats
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
     """Places, forces and moments of the terms whose vectors are constant but for a factor."""
-    given = history.series.get("amplitudes/loads")
-    factors = load_factors(system, history.instants, given, len(y))
+    factors = load_factors(system, history.instants, history.series.get("amplitudes/loads"), len(y))
     loading = system.loading
     for k, (owner, term) in enumerate(zip(loading.owners, loading.terms, strict=True)):
         if owner is load and (found := _place_and_vector(system, term, y)) is not None:

@@ -276,8 +276,7 @@ def constraint_violation(system: System, q: ArrayLike, t: ArrayLike = 0.0) -> Fl
     >>> constraint_violation(model.freeze(), [[0, 0, -1.0], [0, 0, -2.0]]).tolist()
     [0.0, 1.5]
     """
-    y = all_rows(system, q, t)
-    return abs(system.constraints.stacked_values(y)).max(axis=1, initial=0.0)
+    return abs(system.constraints.stacked_values(all_rows(system, q, t))).max(axis=1, initial=0.0)
 
 
 @takes_scene

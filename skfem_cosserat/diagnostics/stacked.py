@@ -279,16 +279,14 @@ def curvature_matrix(system: System, y: Floats, multipliers: Floats) -> csr_matr
     """``sum_k lambda_k H_k`` (n, n), H_k the second derivative of constraint k."""
     c = system.constraints
     ij = (c.curvature_rows, c.curvature_cols)
-    values = c.curvature_values(multipliers, y)
-    return coo_matrix((values, ij), shape=(system.n, system.n)).tocsr()
+    return coo_matrix((c.curvature_values(multipliers, y), ij), shape=(system.n, system.n)).tocsr()
 
 
 def material_stiffness(system: System, y: Floats) -> csr_matrix:
     """Stiffness (n, n) of all beams at configuration y, as if there were no stresses."""
     blocks = system.mass_tangent(0.0)
     for k, (group, (eps, B)) in enumerate(zip(system.beam_groups, system.strain(y), strict=True)):
-        parts = group.parts(B, B, np.zeros_like(eps), 1.0, 0.0, group.moduli(eps))
-        blocks[k] = parts.blocks()
+        blocks[k] = group.parts(B, B, np.zeros_like(eps), 1.0, 0.0, group.moduli(eps)).blocks()
     return blocks_matrix(system, blocks)
 
 
@@ -423,7 +421,6 @@ def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> t
     where = [each.ravel() for each in np.broadcast_arrays(to, of)]
     T = csr_matrix((turned.ravel(), where), (len(q), 3 * len(rows)))
     K = bsr_matrix((blocks, np.arange(len(rows)), np.arange(len(rows) + 1)), 2 * T.shape[1:])
-    M = congruent(T, full_mass(system))
-    value, shape = _largest(K, M)
+    value, shape = _largest(K, congruent(T, full_mass(system)))
     most = np.linalg.norm(shape.reshape(-1, 3), axis=1).argmax()
     return float(np.sqrt(max(value, 0.0))), int(rows[most, 0]) - 1

@@ -327,8 +327,7 @@ class Surface:
         elif len(holes) == 1 and holes[0].shape == outer.shape:
             first, hole = (loop.reshape(-1, outer.shape[1], 2)[0] for loop in loops)
             near = np.linalg.norm(hole[::-1] - first[0], axis=1).argmin()
-            inner = np.roll(holes[0][:, ::-1], -near, axis=1)
-            self.caps += list(_quads(outer, inner)[:, ::step])
+            self.caps += list(_quads(outer, np.roll(holes[0][:, ::-1], -near, axis=1))[:, ::step])
 
     def shared(self) -> tuple[IndexArray, IndexArray]:
         """Points that stay, and the number of each point among them, if elements share `ends`."""

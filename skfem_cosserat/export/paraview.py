@@ -131,8 +131,7 @@ def _stack(parts: list[Fields], sizes: list[int]) -> Fields:
     """Join the fields of items of some sizes; a field that an item lacks is NaN there."""
     joined = {}
     for name in dict.fromkeys(name for part in parts for name in part):
-        model = next(part[name] for part in parts if name in part)
-        count, _, *rest = model.shape
+        count, _, *rest = next(part[name] for part in parts if name in part).shape
         pieces = [
             part[name] if name in part else np.full((count, size, *rest), np.nan)
             for part, size in zip(parts, sizes, strict=True)

@@ -302,8 +302,7 @@ class ResultTable:
         try:
             text = Path(path).read_text(encoding="utf-8")
         except OSError as error:
-            reason = f"cannot be read: {error.strerror}"
-            raise InputError(f"file {str(path)!r}", reason) from error
+            raise InputError(f"file {str(path)!r}", f"cannot be read: {error.strerror}") from error
         notes, table = {}, io.StringIO(text, newline="")
         start = table.tell()
         while (line := table.readline()).startswith("# "):

@@ -197,8 +197,7 @@ class SensorRecord:
             out = np.gradient(x, at, axis=0, edge_order=2)
         if order == 2:
             steps = np.diff(at).reshape(-1, *[1] * (x.ndim - 1))
-            change = np.diff(np.diff(x, axis=0) / steps, axis=0)
-            out[1:-1] = 2 * change / (steps[1:] + steps[:-1])
+            out[1:-1] = 2 * np.diff(np.diff(x, axis=0) / steps, axis=0) / (steps[1:] + steps[:-1])
             middle = (at[:-2] + at[1:-1] + at[2:]) / 3  # where these are, of cubic polynomials
             for end, to in ((0, 1), (-1, -1)):
                 share = (at[end] - middle[end]) / (middle[end + to] - middle[end])
@@ -341,8 +340,15 @@ Kind = Callable[[Any], Formulas]
 BALANCE = "energy_balance"
 #: series that a file has in any case, beside those of items: energies, and what pictures need
 SAVED = (
-    *("v", "kinetic", "strain_energy", "external", "coupling_energy", "energy", BALANCE),
-    *("linear_momentum", "angular_momentum"),
+    "v",
+    "kinetic",
+    "strain_energy",
+    "external",
+    "coupling_energy",
+    "energy",
+    BALANCE,
+    "linear_momentum",
+    "angular_momentum",
 )
 
 

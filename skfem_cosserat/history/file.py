@@ -198,8 +198,14 @@ _SAVE_INSTANTS = 4096
 _DTYPE = re.compile(rf"[<|][{KINDS}][1-9]\d{{0,8}}")
 #: what a file may raise that is not as we write it
 _WRONG = (
-    *(ArithmeticError, AttributeError, LookupError, MemoryError),
-    *(RecursionError, TypeError, ValueError, sqlite3.Error),
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    MemoryError,
+    RecursionError,
+    TypeError,
+    ValueError,
+    sqlite3.Error,
 )
 
 

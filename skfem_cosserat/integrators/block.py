@@ -59,7 +59,11 @@ class Failure:
     def error(self, settings: NewtonSettings) -> Diverged:
         """Error that tells of it."""
         return Diverged(
-            *(self.state.time, self.state.index + 1, self.residual, self.reason, self.advice),
+            self.state.time,
+            self.state.index + 1,
+            self.residual,
+            self.reason,
+            self.advice,
             residuals=list(self.residuals),
             settings=settings if self.residuals else None,
             effort=self.effort,
@@ -231,7 +235,7 @@ class Block(Sequence["StepReport"]):
         """Block of the steps from number `first` up to that before number `last`."""
         if (first, last) == (0, len(self)):
             return self
-        arrays: dict[str, Any] = {name: getattr(self, name)[first:last] for name in self._arrays}
+        arrays = {name: getattr(self, name)[first:last] for name in self._arrays}
         stages = self.stages
         if stages is not None:
             each = len(stages) // len(self)

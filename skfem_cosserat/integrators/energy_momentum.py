@@ -159,8 +159,7 @@ class Flow:
         N = straight + (FLOW_REGULAR * size + noise)[:, None, None] * np.eye(3)
 
         def gap(s: Array) -> Array:
-            turned = (K @ s[:, :, None])[:, :, 0]
-            return k + (straight @ s[:, :, None])[:, :, 0] + cross(turned, s)
+            return k + (straight @ s[:, :, None])[:, :, 0] + cross((K @ s[:, :, None])[:, :, 0], s)
 
         def slope(s: Array) -> Array:
             return N - skew(s) @ K + skew((K @ s[:, :, None])[:, :, 0])

@@ -278,8 +278,7 @@ class Nodes:
         def rates(m: Floats) -> Floats:
             out = np.zeros_like(y)
             # times the inverse would lose a little in each step, always the same way
-            twists = np.linalg.solve(M, m.reshape(-1, 6, 1))
-            out[self.bodies.rows] = (P @ twists).reshape(-1, 4, 3)
+            out[self.bodies.rows] = (P @ np.linalg.solve(M, m.reshape(-1, 6, 1))).reshape(-1, 4, 3)
             return out
 
         return rates
@@ -484,8 +483,7 @@ def _by_twist(group: BeamGroup, y: Array) -> tuple[BeamElements, Floats, Floats,
 
 def _reduced(weighted: Floats, B: Floats, root: Floats) -> Floats:
     """``L^-1 (int B^T D B ds) L^-T`` (ne, k, k)."""
-    half = np.linalg.solve(root, bilinear(weighted, B, B))
-    return np.linalg.solve(root, half.transpose(0, 2, 1))
+    return np.linalg.solve(root, np.linalg.solve(root, bilinear(weighted, B, B)).transpose(0, 2, 1))
 
 
 def _rates(group: BeamGroup, y: Array) -> Floats:
@@ -531,10 +529,8 @@ def _refused(system: System, treatment: Treatment) -> Iterator[tuple[str, str]]:
         yield repr(system.plane), "explicit steps move all nodes in space: freeze it without"
     for item in system.structures:
         if is_beam(item) and item.theory.held:
-            said = f"the {item.theory!r} of {item.label}"
-            yield said, "strains are held by implicit steps only"
-    moving = [drive.label for drive in system.drives] + ["moving ground"] * bool(system.moving)
-    for label in moving:
+            yield f"the {item.theory!r} of {item.label}", "strains are held by implicit steps only"
+    for label in [drive.label for drive in system.drives] + ["moving ground"] * bool(system.moving):
         yield label, "motion is not prescribed in explicit steps"
     if len(system.closure.rows):
         names = sorted(system.redundancies()) or ["a closed loop of joints"]
@@ -607,8 +603,7 @@ class Marching:
         """Take as many rounds as the limits ask for; whether there are others than before."""
         rounds = self._scheme.rounds
         if self._scheme.checked:
-            limit = self._watch.smallest.seconds
-            rounds = max(rounds, int(np.ceil(self.h / limit * (1 - NEAR))))
+            rounds = max(rounds, int(np.ceil(self.h / self._watch.smallest.seconds * (1 - NEAR))))
         if rounds == self.rounds:
             return False
         self.rounds = rounds
@@ -865,11 +860,10 @@ class Explicit(Integrator):
         watch = LimitWatch(system)
         limit = watch.smallest
         if self.checked and h / self.rounds > limit.seconds:
-            least = int(np.ceil(h / limit.seconds))
             raise InputError(
                 "argument step",
                 f"{h:g} s in {self.rounds} rounds is above the limit of the explicit scheme,"
-                f" {limit}: at least rounds={least}, or a smaller step",
+                f" {limit}: at least rounds={int(np.ceil(h / limit.seconds))}, or a smaller step",
             )
         logger.info("explicit steps of %.3g s, limit %s", h / self.rounds, limit)
         return Marching(self, system, h, watch)

@@ -110,7 +110,11 @@ class GeneralizedAlpha(Integrator):
             table = [np.append(row, 0.0) for row in (v, a, alpha, v)]
         v, a = table[0], table[1]
         own = Scheme(
-            *(h * a[0], 0.0, h, 1.0, v[0]),
+            h * a[0],
+            0.0,
+            h,
+            1.0,
+            v[0],
             at=1.0,
             before=tuple(-h * a[1:]),
             rates=tuple(v[1:]),
@@ -119,8 +123,7 @@ class GeneralizedAlpha(Integrator):
         if not self.stabilized:
             return own
         turn = (1 - am) / (1 - af) / (g * h)
-        moved = (1.0, turn, 1 / (g * h), 0.0)
-        return replace(own, moved=moved, moved_force=h * turn, found_with=3)
+        return replace(own, moved=(1.0, turn, 1 / (g * h), 0.0), moved_force=h * turn, found_with=3)
 
     def start(self, system: System, state: State, h: float) -> Floats:
         """Rates that the state carries on, for this step size; else consistent accelerations."""

@@ -187,7 +187,7 @@ class StepBalance:
         if system.loading.dead_only:
             given = given + s.force * dead
         step = StepData(
-            *(s, state, h, y0, p0, rates0, ground_rate, amplitudes, dead, couplings, given, size)
+            s, state, h, y0, p0, rates0, ground_rate, amplitudes, dead, couplings, given, size
         )
         if s.ends:
             if before is None:

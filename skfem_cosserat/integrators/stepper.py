@@ -341,8 +341,7 @@ class Stepper:
             a line search. If prescribed motion has reached a dead point of a closed loop, or
             contradicts another one around it, the reason says so.
         """
-        report: StepReport = self.advance_block(state, 1, time, h)[0]
-        return report
+        return self.advance_block(state, 1, time, h)[0]
 
     def _step(self, state: State, time: float, h: float) -> Block:
         origin = StepOrigin(self.integrator.name, h)
@@ -540,7 +539,11 @@ class Stepper:
                 best = report
             logger.info(
                 "step %d from t = %.6g s, attempt %d of %d: %s",
-                *(state.index + 1, state.time, attempt, len(ATTEMPTS), report.reason),
+                state.index + 1,
+                state.time,
+                attempt,
+                len(ATTEMPTS),
+                report.reason,
             )
         assert best is not None
         effort = f"{len(ATTEMPTS)} attempts with {total} Newton iterations"
@@ -686,7 +689,6 @@ class Stepper:
         impulse = self.bound.impulse(evaluation.R)
         if finished.impulse is not None:
             impulse = impulse + finished.impulse
-        rates = finished.rates
         new = State(
             time,
             state.index + 1,
@@ -696,7 +698,7 @@ class Stepper:
             turns=None
             if step.couplings is None
             else self.system.couplings.turns(step.couplings, y1, time),
-            carried=carried_rates(rates),
+            carried=carried_rates(finished.rates),
             made_by=origin,
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation

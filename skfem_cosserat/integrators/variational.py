@@ -82,5 +82,4 @@ class Variational(Integrator):
         """Impulse by which the momentum was moved, if the scheme is stabilized, else None."""
         if not self.stabilized:
             return None
-        moved = np.zeros(system.n) if state.rates is None else state.rates
-        return moved.reshape(1, -1, 3)
+        return (np.zeros(system.n) if state.rates is None else state.rates).reshape(1, -1, 3)

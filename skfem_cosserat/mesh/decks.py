@@ -55,8 +55,7 @@ def _place(words: list[str]) -> list[float]:
 
 def _real(word: str) -> float:
     """A number as Fortran writes it, such as 1.5, 1.5D+3 or 1.5+3; nothing is zero."""
-    number = re.sub(r"(?<=[\d.])(?=[+-])", "E", word.upper().replace("D", "E"))
-    return float(number or "0")
+    return float(re.sub(r"(?<=[\d.])(?=[+-])", "E", word.upper().replace("D", "E")) or "0")
 
 
 @contextlib.contextmanager

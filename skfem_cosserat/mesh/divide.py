@@ -198,9 +198,8 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
     here = mesh.mapping().F(x.reshape(1, -1, 1), e.ravel())[:, :, 0]
     gaps = np.linalg.norm(here - other.mapping().F(xi[None]).reshape(3, -1), axis=0)
     if gaps.max() > POSITION_TOLERANCE * mesh.size:
-        k = gaps.argmax() // len(xi)
         raise MeshError(
-            f"element {k}",
+            f"element {gaps.argmax() // len(xi)}",
             f"is {gaps.max():.3g} m away from the line of the mesh before: expected the same lines"
             " in the same order, as after mesh.refined()",
         )

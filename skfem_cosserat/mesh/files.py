@@ -209,8 +209,7 @@ def write_gmsh(
     if names:
         rows += [f"${_NAMES}", str(len(names))]
         rows += [f'{dim} {tag} "{name}"' for dim, tag, name in names] + [f"$End{_NAMES}"]
-    body = _rows41 if version == "4.1" else _rows22
-    rows += body(points, t + 1, in_nodes, in_beams)
+    rows += (_rows41 if version == "4.1" else _rows22)(points, t + 1, in_nodes, in_beams)
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
@@ -294,9 +293,23 @@ def _rows22(
 BEAM, NODE = "beam:", "node:"
 #: What readers raise on files that are broken or not what their name says.
 _BROKEN = (
-    *(ArithmeticError, AssertionError, AttributeError, EOFError, ImportError, LookupError),
-    *(MemoryError, NameError, OSError, RuntimeError, StopIteration, SyntaxError, TypeError),
-    *(ValueError, lzma.LZMAError, struct.error, zlib.error),
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    EOFError,
+    ImportError,
+    LookupError,
+    MemoryError,
+    NameError,
+    OSError,
+    RuntimeError,
+    StopIteration,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    lzma.LZMAError,
+    struct.error,
+    zlib.error,
 )
 
 

@@ -121,8 +121,7 @@ class MappingCurve(SkfemMapping):
             if done:
                 break
         for end in (0, 1):
-            vertex = mesh.p[:, mesh.t[end, elements], None]
-            xi = np.where((x == vertex).all(axis=0), float(end), xi)
+            xi = np.where((x == mesh.p[:, mesh.t[end, elements], None]).all(axis=0), float(end), xi)
         return xi[None]
 
     def detDF(self, X: Array, tind: Array | None = None) -> Floats:
@@ -311,8 +310,7 @@ def _check_welds(mesh: MeshCurve, number: IndexArray, tol: float) -> None:
     pairs = number[mesh.t]
     collapsed = (pairs[0] == pairs[1]) & (pairs[0] >= 0)
     if collapsed.any():
-        e = np.argmax(collapsed)
-        a, b = mesh.p[:, mesh.t[:, e]].T.tolist()
+        a, b = mesh.p[:, mesh.t[:, np.argmax(collapsed)]].T.tolist()
         raise MeshError("argument tol", f"{tol:.3g} m would collapse the element from {a} to {b}")
     hit, times = np.unique(number[number >= 0], return_counts=True)
     if (times > 1).any():
@@ -420,8 +418,7 @@ class MeshCurve(Frozen, MeshLine1):
     ) -> Self:
         """Mesh of one beam."""
         named = beam_nodes(name, arrays["spans"], closed, nodes)
-        every = {name: np.arange(arrays["t"].shape[1])}
-        return cls(_boundaries=named, _subdomains=every, **arrays)
+        return cls(_boundaries=named, _subdomains={name: np.arange(arrays["t"].shape[1])}, **arrays)
 
     @classmethod
     def init_curve(
@@ -500,8 +497,7 @@ class MeshCurve(Frozen, MeshLine1):
         nodes: Mapping[str, float] | None = None,
     ) -> Self:
         """One beam on a helix; see :class:`CurveHelix`."""
-        helix = CurveHelix(start, centre, axis, pitch, turns)
-        return cls.init_curve(helix, elements, name, nodes)
+        return cls.init_curve(CurveHelix(start, centre, axis, pitch, turns), elements, name, nodes)
 
     @classmethod
     def init_polyline(

@@ -334,8 +334,7 @@ def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
         # of two that meet the middles are not farther apart than the longer one is long
         near = cKDTree(middle).query_ball_point(middle, size + tol)
         first = np.repeat(range(mesh.nelements), [len(each) for each in near])
-        pairs = np.stack([first, np.concatenate(near)])
-        e, f = np.unique(np.sort(pairs, axis=0), axis=1)
+        e, f = np.unique(np.sort(np.stack([first, np.concatenate(near)]), axis=0), axis=1)
     apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all(axis=(0, 1))
     e, f = e[apart], f[apart]
     # the points that are closest: s of the way along e, r along f

@@ -178,16 +178,14 @@ def buckling(
                 "argument t", f"{t!r}: the loads do nothing then, there is no response"
             )
         factors = Factorised(pencil.K)
-        force = P.T @ applied
-        u = _solve(pencil, factors, force)
+        u = _solve(pencil, factors, P.T @ applied)
         K1, stresses, multipliers = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))
         values, X = _critical(pencil, K1, factors, count, sign)
         X = led(X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X)), tangent.metric)
         made = still.factorisations + 1
         if system.beam_groups:
             checks.apply(_shapes(pencil, stresses, multipliers, loads, values, X))
-    found = system, values, (P @ X).T, X.T.copy(), P @ u
-    return Buckling(*found, made, at, notices.found)
+    return Buckling(system, values, (P @ X).T, X.T.copy(), P @ u, made, at, notices.found)
 
 
 def _shapes(
@@ -298,8 +296,7 @@ def _lanczos(K1: csr_matrix, pencil: Pencil, factors: Factorised, k: int, sign: 
     stiffness = LinearOperator((n, n), matvec=pencil.force, dtype=float)
     inverse = LinearOperator((n, n), matvec=lambda f: _solve(pencil, factors, f), dtype=float)
     start = np.random.default_rng(0).standard_normal(n)
-    basis = min(n, max(2 * k + 10, 40))
-    options = {"v0": start, "ncv": basis, "tol": TOLERANCE, "maxiter": 300}
+    options = {"v0": start, "ncv": min(n, max(2 * k + 10, 40)), "tol": TOLERANCE, "maxiter": 300}
     try:
         found = eigsh(-K1, k, M=stiffness, Minv=inverse, which=_WHICH[sign], **options)[1]
     except ArpackError as error:

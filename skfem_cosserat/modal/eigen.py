@@ -119,10 +119,8 @@ def lowest(
         found = found if X is None else ritz(X, M, energies, shift)
     else:
         if not whole:
-            text = f"{missing} of the lowest eigenvalues may be missing"
-            warn("modes", text, IncompleteWarning)
-    first = found.values[:count], found.vectors[:, :count], found.zero[:count]
-    return Eigenpairs(*first, made)
+            warn("modes", f"{missing} of the lowest eigenvalues may be missing", IncompleteWarning)
+    return Eigenpairs(found.values[:count], found.vectors[:, :count], found.zero[:count], made)
 
 
 def _dense(K: csr_matrix, M: csr_matrix, shift: float, k: int) -> Floats:
@@ -131,8 +129,7 @@ def _dense(K: csr_matrix, M: csr_matrix, shift: float, k: int) -> Floats:
     A = (K - shift * M).toarray()
     scale = 1 / np.sqrt(np.diagonal(A))
     A, B = (scale[:, None] * S * scale for S in (A, M.toarray()))
-    vectors = eigh(B, A, subset_by_index=(n - k, n - 1))[1]
-    return scale[:, None] * vectors[:, ::-1]
+    return scale[:, None] * eigh(B, A, subset_by_index=(n - k, n - 1))[1][:, ::-1]
 
 
 def _below(K: csr_matrix, M: csr_matrix) -> tuple[float, Factorised, int]:
@@ -276,11 +273,9 @@ class Pencil:
         system, tangent = self.at.system, self.at.tangent
         dq = tangent.P @ x
         nodal = np.zeros(system.n)
-        beams = zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True)
-        for group, B, D in beams:
+        for group, B, D in zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True):
             strain = (B @ dq[group.dofs][:, :, None]).reshape(len(B), -1, 6)
-            local = group.force(B, group.linear_stress(D, strain))
-            np.add.at(nodal, group.dofs, local)
+            np.add.at(nodal, group.dofs, group.force(B, group.linear_stress(D, strain)))
         return tangent.P.T @ nodal + self.rest @ x
 
     def energies(self, X: Array) -> tuple[Array, Floats]:
@@ -293,12 +288,10 @@ class Pencil:
         system, tangent = self.at.system, self.at.tangent
         out = X.conj().T @ (self.rest @ X)
         noise = NOISE * EPS * np.einsum("ik,ik->k", abs(X), self.rest_size @ abs(X))
-        metric = np.einsum("ik,ik->k", abs(X), abs(tangent.metric) @ abs(X))
-        noise += self.at.error * metric
+        noise += self.at.error * np.einsum("ik,ik->k", abs(X), abs(tangent.metric) @ abs(X))
         noise += FAINT * EPS * np.einsum("ik,ik->k", abs(X), self._size @ abs(X))
         dq = tangent.P @ X
-        beams = zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True)
-        for group, B, D in beams:
+        for group, B, D in zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True):
             local = dq[group.dofs]
             ne, ng = len(B), len(group.elements.points)
             strain = (B @ local).reshape(ne, ng, 6, -1)
@@ -330,14 +323,12 @@ def make_pencil(at: Equilibrium) -> Pencil:
     conservative = bool(abs(rest - rest.T).max() <= SAME * size) if size else True
     if conservative:
         K, rest = (0.5 * (A + A.T) for A in (K, rest))
-    mass = kron(system.mass, identity(3))
-    M = congruent(P, mass)
+    M = congruent(P, kron(system.mass, identity(3)))
     M = (0.5 * (M + M.T)).tocsr()
     _check_inertia(system, M, tangent.metric)
     gyroscopic = None
     if at.amplitudes.spin is not None:
-        turning = kron(system.mass, skew(at.amplitudes.spin.velocity))
-        G = congruent(P, turning)
+        G = congruent(P, kron(system.mass, skew(at.amplitudes.spin.velocity)))
         gyroscopic = (G - G.T).tocsr()
         if not gyroscopic.count_nonzero():
             gyroscopic = None
@@ -404,8 +395,7 @@ def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigen
     frequency: dense, or by Arnoldi's method. Where theory gives a Rayleigh quotient it follows.
     """
     K, M, C = pencil.K, pencil.M, pencil.C
-    half = 0.5 * (K + K.T)
-    still = lowest(half.tocsr(), M, min(K.shape[0], count + SPARE), pencil.energies)
+    still = lowest((0.5 * (K + K.T)).tocsr(), M, min(K.shape[0], count + SPARE), pencil.energies)
     free = still.vectors[:, still.zero] if pencil.conservative else still.vectors[:, :0]
     elastic = abs(still.values[~still.zero])
     scale = float(np.sqrt(elastic.min())) if len(elastic) and elastic.min() else 1.0
@@ -429,8 +419,7 @@ def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigen
             f"{len(values)} eigenvalues converged, {count} are wanted: real ones crowd together, as"
             " those of strong damping do"
         )
-    zero = np.arange(len(values)) < free.shape[1]
-    return Eigenpairs(values, X, zero, still.factorisations + 1)
+    return Eigenpairs(values, X, np.arange(len(values)) < free.shape[1], still.factorisations + 1)
 
 
 class _Inverse:
@@ -499,8 +488,7 @@ def _improved(pencil: Pencil, C: csr_matrix, values: Array, X: Array, scale: flo
         return values
     out = values.copy()
     for i, (s, x) in enumerate(zip(values, X.T, strict=True)):
-        parts = np.column_stack([x.real, x.imag])
-        E, noise = pencil.energies(parts)
+        E, noise = pencil.energies(np.column_stack([x.real, x.imag]))
         k = E[0, 0] + E[1, 1]
         if abs(k) <= max(noise.sum(), FREE * scale**2):
             roots = np.array([0.0, -(x.conj() @ (C @ x))])

@@ -213,8 +213,7 @@ def balance_tangent(
         system.loading.add_tangent(blocks, at.y[: system.rows], amplitudes.loads, -1.0)
     if amplitudes.spin is not None:
         for k, group in enumerate(system.groups):
-            turned = np.kron(np.eye(group.rows.shape[1]), amplitudes.spin.square)
-            blocks[k] += group.mass @ turned
+            blocks[k] += group.mass @ np.kron(np.eye(group.rows.shape[1]), amplitudes.spin.square)
     if at.coupled is not None:
         blocks.append(system.couplings.tangent(at.coupled, 1.0))
     return blocks

@@ -142,8 +142,7 @@ class Selected:
 
         Directions that a singular configuration does not see are left alone.
         """
-        ok = self.pivots > SINGULAR
-        if ok.all():
+        if (self.pivots > SINGULAR).all():
             step = self.Q1 @ solve_triangular(self.R, violation, trans="T")
         else:
             step = np.linalg.lstsq((self.Q1 @ self.R).T, violation, rcond=SINGULAR)[0]

@@ -275,8 +275,7 @@ class TwistMap:
         self.spots = [known[k] for k in order[: (first < len(both)).sum()]]
         self.pair_target, self.pair_centre = np.split(np.argsort(order)[both], 2)
         # spots, then material axes: one product gives all points and axes of a configuration
-        spot_terms = [kin.spot_terms(s) for s in self.spots]
-        self._combine = combination(spot_terms + kin.axis_terms)
+        self._combine = combination([kin.spot_terms(s) for s in self.spots] + kin.axis_terms)
         on_hinge = np.isin(turning.number, kin.hinges)
         #: where axes of pairs are: among those that are fixed, then those of hinges
         self._axis_of = np.where(on_hinge, len(kin.axis) + place[turning.number], turning.number)

@@ -88,8 +88,7 @@ def constraint_owner(system: System, row: int) -> str:
     for each in system.theory_rows:
         if each.rows.start <= row < each.rows.stop:
             return f"{each.beam.label}, {each.beam.theory!r}"
-    frame = int(system.kinematics.frames[row // 6])
-    return f"triad of {system.owner[frame].label}"
+    return f"triad of {system.owner[int(system.kinematics.frames[row // 6])].label}"
 
 
 # -- prescribed motion that jumps ----------------------------------------------------------------

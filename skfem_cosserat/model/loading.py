@@ -227,8 +227,7 @@ class Loading:
         vertices = np.zeros(0, dtype=np.int64)
         if self._frame_group is not None:
             vertices = self._frame_group.vertices[self._moment_block, 0]
-        values = self._moment_channel, self._moment_follows, self._moment_value
-        return Moments(vertices, *values)
+        return Moments(vertices, self._moment_channel, self._moment_follows, self._moment_value)
 
     @cached_property
     def dead_channels(self) -> IndexArray:

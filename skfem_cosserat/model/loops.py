@@ -164,7 +164,7 @@ def loop_joints(system: System, rows: IndexArray) -> list[Item]:
     Then the beams whose strains are held and that are part of it.
     """
     spanning = system.spanning
-    around: set[object] = set()
+    around = set()
     for jr in system.joint_rows:
         if ((rows >= jr.rows.start) & (rows < jr.rows.stop)).any():
             around |= spanning.around((jr.a.vertex, jr.b.vertex)) | {joint_of(jr)}
@@ -390,8 +390,7 @@ def _beams_alone_move(around: Sequence[Item]) -> bool:
 def _freedoms(joint: Joint) -> int:
     """Number of relative motions that a joint leaves free."""
     free = joint.freedom()
-    turns = 3 if free.turns is None else len(free.turns)
-    return turns + len(free.slides) + 2 * free.sphere
+    return (3 if free.turns is None else len(free.turns)) + len(free.slides) + 2 * free.sphere
 
 
 def _small_move(system: System, chosen: Sequence[Selected], random: np.random.Generator) -> Floats:

@@ -81,8 +81,7 @@ class SeparateParts:
 
     def sum(self, values: Array) -> Array:
         """Sums (parts, ...) over the rows of each part."""
-        flat = self._gather @ values.reshape(len(values), -1)
-        return flat.reshape(-1, *values.shape[1:])
+        return (self._gather @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
 
 
 @lru_cache(maxsize=4)
@@ -111,8 +110,7 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     links = [_first_to_all(group.rows) for group in system.groups]
     own = g.inside
     links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))
-    items = system.couplings.items
-    joining = [c for c in items if lines or not isinstance(c, SpringDamper)]
+    joining = [c for c in system.couplings.items if lines or not isinstance(c, SpringDamper)]
     joining += system.couplings.own
     sides = [[system.row_of(side) for side in c.sides()] for c in joining]
     ends = [pair for each in sides for pair in pairwise(each)]

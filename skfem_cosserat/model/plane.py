@@ -351,8 +351,7 @@ def _velocity(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
 
 def _sections(beam: Beam, plane: Plane) -> OutOfPlane:
     """Sections against their mirror images, at the nodes of each element."""
-    nodes = beam.basis.connectivity
-    nu = (beam.rotations @ beam.triads[nodes]) @ plane.normal  # (ne, nn, 3)
+    nu = (beam.rotations @ beam.triads[beam.basis.connectivity]) @ plane.normal  # (ne, nn, 3)
     steep = float(abs(nu[:, :, 2]).max())
     if steep > TOLERANCE:
         yield beam.label, f"its tangent d3 leaves the plane, by {np.arcsin(steep):.6g} rad"
@@ -569,8 +568,7 @@ def functions_off_plane(
             y = system.extend(states[k], t)
             rates = (system.extend(states[other], float(times[other])) - y) / (times[other] - t)
             start = alone.starting(y, None, none, 1.0, t)
-            force = alone.static(start, y, rates).force
-            twists = _twist_forces(system, y, force[: system.rows])
+            twists = _twist_forces(system, y, alone.static(start, y, rates).force[: system.rows])
             off = _out_of_plane(twists, plane)
             worst, when = (off, t) if off > worst else (worst, when)
             most = max(most, abs(twists).max())

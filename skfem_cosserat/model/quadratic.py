@@ -213,8 +213,7 @@ class QuadraticConstraints:
         """Contributions to G at ``(G_rows, G_cols)``, ground columns left out."""
         factors = self._factors(y)
         scaled = np.concatenate([factors, factors]) * y.take(self._other, axis=0)
-        values = np.concatenate([self._linear_values, scaled.ravel()])
-        return values.take(self.inside)
+        return np.concatenate([self._linear_values, scaled.ravel()]).take(self.inside)
 
     def contributions(self, which: IndexArray, y: Floats) -> Floats:
         """Contributions to G at ``(rows, cols)[which]`` (N, k), for a stack y (N, total, 3)."""
@@ -271,10 +270,9 @@ class QuadraticConstraints:
     @cached_property
     def _sums(self) -> list[csr_matrix]:
         """Matrices that sum up products, and linear terms, in the rows they belong to."""
-        rows = self._pk, self._lk
         return [
             csr_matrix((np.ones(len(k)), (k, np.arange(len(k)))), shape=(self.size, len(k)))
-            for k in rows
+            for k in (self._pk, self._lk)
         ]
 
     def jacobian(self, y: Array) -> csc_matrix:

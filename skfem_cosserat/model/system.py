@@ -232,8 +232,7 @@ class System(Pictured):
             self.drives,
             [*self.couplings.items, *self.couplings.own],
         )
-        scene = *items, self.dampings, self.placed, self.scene
-        return _made, (scene, self.plane, self.warnings)
+        return _made, ((*items, self.dampings, self.placed, self.scene), self.plane, self.warnings)
 
     @cached_property
     def vertex_coordinates(self) -> Coordinates:
@@ -405,7 +404,7 @@ class System(Pictured):
         if self.plane is None:
             #: coordinates in space with all joints in the tree
             self.joint_coordinates = Coordinates(
-                *(self, self.tree, self.kinematics, self.left_rows, self.tree.edges, self.closure)
+                self, self.tree, self.kinematics, self.left_rows, self.tree.edges, self.closure
             )
 
     def confine(self, plane: Plane) -> None:
@@ -714,8 +713,7 @@ class System(Pictured):
 
     def couplings_of(self, items: Sequence[Coupling]) -> Couplings:
         """Some of its force elements as arrays."""
-        start = self.extend(self.q0, 0.0)
-        return Couplings(items, self.row_of, start, self.rows, self.length)
+        return Couplings(items, self.row_of, self.extend(self.q0, 0.0), self.rows, self.length)
 
     @cached_property
     def length(self) -> float:

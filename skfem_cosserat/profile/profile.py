@@ -250,8 +250,7 @@ class Profile(Frozen):
             error = float(abs(eigh(coarse.compliance, fine.compliance)[0] - 1).max())
             if error <= tolerance:
                 return self._result(fine, error).moved(-shift)
-            marked = _marked(coarse, fine)
-            finer = _refined(mesh, index, marked)
+            finer = _refined(mesh, index, _marked(coarse, fine))
             if finer is None or finer[0].nelements > max_elements:
                 raise InputError(
                     self.item,

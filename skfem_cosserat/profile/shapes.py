@@ -325,8 +325,7 @@ def _rings(radii: Floats, segments: int) -> tuple[MeshTri2, list[str]]:
     """Curved triangles: a disk of hexagonal pattern if solid, then rings of equal division."""
     points, triangles, owners = [], [], []
     if radii[0] == 0:
-        count = segments // 6
-        p, t = _disk(count)
+        p, t = _disk(segments // 6)
         points.append(radii[1] * p)
         triangles.append(t)
         owners.append(np.zeros(t.shape[1], dtype=int))

@@ -205,8 +205,7 @@ def _matrices(
             name = "E" if b else "C" if a else "M"
             # u,b v,a where index 0 is the value itself
             form = BilinearForm(lambda u, v, _, a=a, b=b: (u, *u.grad)[b] * (v, *v.grad)[a])
-            scalar = form.assemble(basis)
-            parts[name] = parts[name] + kron(scalar, H[a].T @ D @ H[b], format="csr")
+            parts[name] = parts[name] + kron(form.assemble(basis), H[a].T @ D @ H[b], format="csr")
     return parts["E"].tocsc(), parts["C"].tocsc(), parts["M"].tocsc()
 
 
@@ -584,8 +583,7 @@ class ProfileConstants(Frozen):
             places.append(loop + INSIDE * np.sqrt(self.area) * inward)
         R, to = self._axes
         x = np.concatenate(places) @ R[:2, :2] + self.origin
-        own = self.warping.stresses_at(x)[:, [4, 3, 2]]
-        return np.asarray((R @ own @ to)[:, [2, 0, 1]])
+        return np.asarray((R @ self.warping.stresses_at(x)[:, [4, 3, 2]] @ to)[:, [2, 0, 1]])
 
     def stresses(self, resultants: ArrayLike) -> tuple[Floats, Floats]:
         """Stresses in the material under the six resultants of the beam.
@@ -615,8 +613,7 @@ class ProfileConstants(Frozen):
         """
         given = shaped("profile", "resultants", resultants, (6,))
         R, to = self._axes
-        stress = self.warping.stresses(to @ given).reshape(6, -1)
-        tensor = stress[[[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+        tensor = self.warping.stresses(to @ given).reshape(6, -1)[[[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
         tensor = np.einsum("ia,abk,jb->ijk", R, tensor, R)
         points = np.reshape(self.warping.basis.global_coordinates(), (2, -1))
         turned = tensor[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]

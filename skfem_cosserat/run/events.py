@@ -443,8 +443,7 @@ class EventMonitor:
         """Numbers (2 + k, events) of the last two states and of a block's; None: not together."""
         if len(self._last) < 2 or len(block) == 1:
             return None
-        given = block.times, block.q, block.p, block.turns, self._motions
-        states = Window(self.system, *given)
+        states = Window(self.system, block.times, block.q, block.p, block.turns, self._motions)
         columns = [event.values(states) for event in self.events]
         known = [column for column in columns if column is not None]
         if len(known) < len(columns) or not known:
@@ -528,8 +527,7 @@ class EventMonitor:
                 before, time = float(self._numbers[0, j]), float(self._last[0])
                 if self._jumps(j, before):
                     return None
-                ratio = (trials.state.time - time) / trials.h
-                near = comes_near(side * before, a[1], b[1], ratio)
+                near = comes_near(side * before, a[1], b[1], (trials.state.time - time) / trials.h)
             else:  # the middle stands for the step before
                 middle = trial(trials.h / 2)[0]
                 near = comes_near(a[1], middle, b[1]) or comes_near(b[1], middle, a[1])

@@ -108,8 +108,7 @@ class Works:
         )
         ended = after * _along(forces, np.concatenate([self._change[None], changes[:-1]]))
         # one after the other, whatever the length of blocks
-        parts = np.column_stack([-ended, known]).ravel()
-        sums = np.cumsum([self.drives, *parts])[1:]
+        sums = np.cumsum([self.drives, *np.column_stack([-ended, known]).ravel()])[1:]
         self.drives = float(sums[-1])
         self._h, self._force, self._change, self._q = (
             sizes[-1],

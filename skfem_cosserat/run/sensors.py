@@ -160,8 +160,7 @@ class Window:
     def _multipliers(self) -> Floats:
         if self.force is not None:
             return multipliers(self.system, self.y, self.force)
-        given = self.system, self.q, self.v, self.t, self.turns
-        return diagnostics.accelerations(*given)[1]
+        return diagnostics.accelerations(self.system, self.q, self.v, self.t, self.turns)[1]
 
     def sensor(self, sensor: Sensor) -> Floats:
         """Values (k, ...) of a sensor, each at a state alone."""

@@ -133,8 +133,7 @@ class Stability:
     def crossed(self, later: Stability) -> bool:
         """True if an eigenvalue has changed its sign between two points of a path."""
         change = later.unstable - self.unstable
-        both = self.symmetric and later.symmetric
-        if not (change if both else change % 2):
+        if not (change if self.symmetric and later.symmetric else change % 2):
             return False
         return not (self.neutral and later.neutral)
 

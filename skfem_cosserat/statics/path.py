@@ -75,11 +75,11 @@ def first_point(
         q, turns = checked_start(system, start).q, start.turns
         time = finite(item, "time", start.time)
         if held is not None and time != held:
-            text = (
+            raise InputError(
+                item,
                 f"its time is {time!r} s, that of the path time = {held!r} s: expected the same"
-                " instant, see initial_state(time=...) and equilibrium(time=...)"
+                " instant, see initial_state(time=...) and equilibrium(time=...)",
             )
-            raise InputError(item, text)
         t = time if held is None else 0.0
         if start.load_factor is not None:
             t = finite(item, "load_factor", start.load_factor)
@@ -774,8 +774,7 @@ def static(
         if path is not None:
             file_path("argument path", path)
         if not isinstance(callbacks, Sequence) or not all(callable(c) for c in callbacks):
-            text = f"{callbacks!r}, expected a list of functions"
-            raise InputError("argument callbacks", text)
+            raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
         derive = checked_asked(derive, system, path_formulas)
         schedule = Schedule(system, factors, spin, time)
         check_growth(schedule, control)

@@ -429,7 +429,7 @@ class PlainEquations:
         data = self._assemble(mixed)  # sets the scaling
         both = [bound.scale_rows(c) for c in columns]
         both += [bound.scale_rows(bound.pull(W * z)) for z in neutral.motions]
-        X: Floats = -bound.solver.solve(data, np.column_stack(both))
+        X = -bound.solver.solve(data, np.column_stack(both))
         if not neutral.motions:
             return X
         moved = np.column_stack([(np.sqrt(W) * self.displacement(x)).ravel() for x in X.T])
