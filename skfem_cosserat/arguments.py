@@ -71,7 +71,8 @@ _ARRAYS |= dict.fromkeys(("Array", "Floats", "IndexArray"), _Array)
 
 def fits(value: Any, hint: Any) -> bool:
     """True if a value is what an annotation asks for, as far as that can be told."""
-    kind, of = get_origin(hint) or hint, get_args(hint)
+    kind = get_origin(hint) or hint
+    of = get_args(hint)
     if kind in (Union, UnionType):
         return any(fits(value, each) for each in of)
     if kind is Literal:
@@ -87,13 +88,15 @@ def fits(value: Any, hint: Any) -> bool:
     except TypeError:  # a type variable, or a protocol, which cannot be asked
         return True
     if isinstance(value, Mapping):
-        value, of = value.values(), of[-1:]
+        value = value.values()
+        of = of[-1:]
     inside = value if of and isinstance(value, Collection) else ()
     return all(any(fits(entry, each) for each in of) for entry in inside)
 
 
 def _in_words(hint: Any) -> str:
-    kind, of = get_origin(hint) or hint, [each for each in get_args(hint) if each is not ...]
+    kind = get_origin(hint) or hint
+    of = [each for each in get_args(hint) if each is not ...]
     if kind in (Union, UnionType, Literal):
         return " or ".join(dict.fromkeys(map(_in_words, of)))
     if kind in _KINDS:

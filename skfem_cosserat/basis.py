@@ -101,13 +101,15 @@ class DirectorBasis(CellBasis):
     ) -> None:
         if not isinstance(mesh, MeshCurve):
             raise MeshError("argument mesh", f"got {type(mesh).__name__}, expected a MeshCurve")
-        self.mesh, self._quadrature = mesh, quadrature
+        self.mesh = mesh
+        self._quadrature = quadrature
         self.interpolation = kind = interpolation(order)
         self.order = p = kind.order
         #: shape functions at the points of the quadrature rule
         self.tabulated = kind.tabulated(*_checked_rule(quadrature)) if quadrature else kind.reduced
         self.points, self.weights = self.tabulated.points, self.tabulated.weights
-        ne, nv = mesh.t.shape[1], mesh.p.shape[1]
+        ne = mesh.t.shape[1]
+        nv = mesh.p.shape[1]
         self.n_nodes = nv + ne * (p - 1)
         self.connectivity = np.empty((ne, p + 1), dtype=np.int64)
         self.connectivity[:, 0], self.connectivity[:, -1] = mesh.t

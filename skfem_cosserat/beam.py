@@ -138,7 +138,8 @@ class Beam(LineItem):
             raise InputError(self.label, f"lumped with {other!r}, expected Gauss-Lobatto nodes")
         self._sections, self.section_id = self._assign(section)
         triads = self.basis.triads(directors=director, twist=twist)
-        kind, nodes = self.basis.interpolation, self.basis.connectivity
+        kind = self.basis.interpolation
+        nodes = self.basis.connectivity
         with Notices() as notices:
             check_bends(mesh, kind, nodes, self.basis.nodes[nodes], triads, self.label)
             self._check_thickness()
@@ -263,7 +264,8 @@ class Beam(LineItem):
 
         Lines are those of some elements that have one owner.
         """
-        out, lengths = np.full((2, self.mesh.nelements), np.nan), self.mesh.lengths[ids]
+        out = np.full((2, self.mesh.nelements), np.nan)
+        lengths = self.mesh.lengths[ids]
         if len(ids):
             chains = find_chains(self.mesh.t[:, ids], owner[ids], list(names))
             out[0, ids] = arc_starts(chains, lengths)
@@ -387,7 +389,8 @@ class Beam(LineItem):
 
     def __getstate__(self) -> dict[str, Any]:
         """Without functions, which need not reach other processes; sections as arrays."""
-        kind, every = self.basis.interpolation, np.arange(self.mesh.nelements)
+        kind = self.basis.interpolation
+        every = np.arange(self.mesh.nelements)
         even = np.linspace(0.0, 1.0, kind.order + 1)
         xi = np.concatenate([kind.nodes, kind.full.points, self.elements.points, even, [0.5]])
         xi = np.unique(xi.round(14))
@@ -488,7 +491,8 @@ class Beam(LineItem):
             strain=strain,
         )
         e, xi = places_in(self.mesh, mesh, beam.basis.interpolation.nodes)
-        shape, nodes = self.basis.shape(xi), self.basis.connectivity[e]
+        shape = self.basis.shape(xi)
+        nodes = self.basis.connectivity[e]
         for name in ("velocity", "angular_velocity"):
             rates = np.zeros_like(beam.basis.nodes)
             old = getattr(self, name)[nodes]
@@ -509,7 +513,8 @@ class Beam(LineItem):
         >>> body.mass, body.center.round(12).tolist()   # along its d3
         (6.0, [0.0, 0.0, 1.0])
         """
-        origin, triad = self.basis.nodes[0], self.triads[0]
+        origin = self.basis.nodes[0]
+        triad = self.triads[0]
         # phi and directors of each node by those of the first one
         carried = np.zeros((len(self.triads), 4, 4))
         carried[:, 0, 0] = 1
@@ -559,7 +564,8 @@ class Beam(LineItem):
 
         def tangent(basis: DirectorBasis, q: Array) -> Array:
             eps, B = beam_strain(self.elements, self.gather(q))
-            stress, moduli = beam_stress(self.elements, eps), beam_moduli(self.elements, eps)
+            stress = beam_stress(self.elements, eps)
+            moduli = beam_moduli(self.elements, eps)
             return beam_tangent(self.elements, B, B, stress, 1.0, 1.0, moduli)
 
         return ElementMatrix(tangent)
@@ -599,7 +605,8 @@ class Beam(LineItem):
         >>> round(float(np.sqrt(square)) / (2 * np.pi), 2), round(3.516 * 500**0.5 / (2 * np.pi), 2)
         (12.51, 12.51)
         """
-        q, basis = self.reference, self.basis
+        q = self.reference
+        basis = self.basis
         force = self.internal_force_form().assemble(basis, q=q)
         K, _ = self.reduce(self.tangent_form().assemble(basis, q=q), force, q)
         P = self._motions(q)
@@ -646,7 +653,8 @@ class Beam(LineItem):
         if np.shape(K) != (n, n):
             raise InputError("argument K", f"has shape {np.shape(K)}, expected ({n}, {n})")
         forces = shaped("argument", "r", r, (n,)).reshape(-1, 4, 3)[:, 1:]
-        P, d = self._motions(q), shaped("argument", "q", q, (n,)).reshape(-1, 4, 3)[:, 1:]
+        P = self._motions(q)
+        d = shaped("argument", "q", q, (n,)).reshape(-1, 4, 3)[:, 1:]
         # directors turn with the rotation: d_i x r_i changes by (theta x d_i) x r_i
         turned = np.zeros((len(d), 6, 6))
         turned[:, 3:, 3:] = np.einsum("nia,nib->nab", d, forces)
@@ -717,10 +725,13 @@ class Beam(LineItem):
 
     def scalar_mass(self) -> Floats:
         """Element mass without the factor I_3: (ne, 4 nn, 4 nn), rows (phi, d1, d2, d3) a node."""
-        kind, measure = self.basis.interpolation, self.basis.elemental_load()
-        points, values = kind.nodes, np.eye(len(kind.nodes))
+        kind = self.basis.interpolation
+        measure = self.basis.elemental_load()
+        points = kind.nodes
+        values = np.eye(len(kind.nodes))
         if not self.lumped:
-            points, values = kind.full.points, kind.full.values
+            points = kind.full.points
+            values = kind.full.values
             measure = self.basis.lengths[:, None] * kind.full.weights
         ne, nn = self.basis.connectivity.shape
         kinds, number = distinct(self.sections_at(np.arange(ne), points))
@@ -807,7 +818,8 @@ class Beam(LineItem):
         """
         a = self.basis.node(which)
         note = f" node {which!r}" if isinstance(which, str) else f" node {a}"
-        X, triad = vector(self.label, "offset", offset), self.triads[a].copy()
+        X = vector(self.label, "offset", offset)
+        triad = self.triads[a].copy()
         return Place(self, a, self.basis.nodes[a] + X @ triad, X, triad, None, note)
 
 

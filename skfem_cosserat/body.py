@@ -221,7 +221,8 @@ class RigidBody(_Lump):
         return E
 
     def _checked_surface(self, points: ArrayLike, faces: ArrayLike) -> tuple[Floats, Any]:
-        x, triangles = numbers(self.label, "surface points", points), np.array(faces)
+        x = numbers(self.label, "surface points", points)
+        triangles = np.array(faces)
         if x.ndim != 2 or x.shape[1] != 3 or not np.isfinite(x).all():
             raise InputError(
                 self.label, f"surface points of shape {x.shape}, expected finite numbers (nv, 3)"
@@ -477,12 +478,15 @@ _BOX = np.array(
 
 def _revolved(radii: Floats, heights: Floats, end: float, sides: int) -> tuple[Floats, Any]:
     """Points (nv, 3) and triangles (nf, 3) of rings about d3 from the top, closed at +-`end`."""
-    turn, i = 2 * np.pi * np.arange(sides) / sides, np.arange(sides)
+    turn = 2 * np.pi * np.arange(sides) / sides
+    i = np.arange(sides)
     ring = np.column_stack([np.cos(turn), np.sin(turn)])
     rings = [np.c_[r * ring, np.full(sides, z)] for r, z in zip(radii, heights, strict=True)]
     points = np.vstack([*rings, [[0, 0, end], [0, 0, -end]]])
-    j, last = (i + 1) % sides, sides * (len(rings) - 1)
-    top, bottom = np.full(sides, len(points) - 2), np.full(sides, len(points) - 1)
+    j = (i + 1) % sides
+    last = sides * (len(rings) - 1)
+    top = np.full(sides, len(points) - 2)
+    bottom = np.full(sides, len(points) - 1)
     faces = [(top, i, j), (bottom, j + last, i + last)]
     for k in range(0, last, sides):
         faces += [(i + k, i + k + sides, j + k + sides), (i + k, j + k + sides, j + k)]

@@ -136,7 +136,8 @@ class StorageError(CosseratError, OSError):
         advice: str,
         time: float | None = None,
     ) -> None:
-        self.path, self.time = os.fspath(path), time
+        self.path = os.fspath(path)
+        self.time = time
         self.history: Any = None
         when = "" if time is None else f" at t = {time:.6g}"
         why = reason.strerror or type(reason).__name__
@@ -305,7 +306,8 @@ class JobError(CosseratError, RuntimeError):
     """
 
     def __init__(self, job: str, reason: str) -> None:
-        self.job, self.reason = job, reason
+        self.job = job
+        self.reason = reason
         super().__init__(f"job {job!r}: {reason}")
 
 

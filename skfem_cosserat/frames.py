@@ -195,7 +195,8 @@ class Item(Attached):
         return self.label
 
     def __repr__(self) -> str:
-        own, shown = "" if self.name is None else f" {self.name!r}", self._shown()
+        own = "" if self.name is None else f" {self.name!r}"
+        shown = self._shown()
         return f"<{type(self).__name__}{own}{shown and ': '}{shown}>"
 
     def references(self) -> Sequence[Item]:
@@ -498,7 +499,8 @@ class MotionTurn(Motion):
 
     def frame(self, place: Place, t: float) -> Floats:
         """Rows ``(x, d1, d2, d3)`` (4, 3) of a ground place turned by the angle at time ``t``."""
-        item, expected = f"turning motion of the {place.label}", f"a finite number at t = {t!r}"
+        item = f"turning motion of the {place.label}"
+        expected = f"a finite number at t = {t!r}"
         value = finite(item, "angle", self.angle(t), expected)
         R = rotation_matrix(exp_quaternion(value * self.axis))
         out = np.empty((4, 3))
@@ -582,7 +584,8 @@ def _integrated(t: Floats, a: Floats) -> BSpline:
 
 def _drift(t: Floats, x: Floats, v: Floats) -> Floats:
     """The straight line of accelerations (k, 3) that ends at x with velocity v."""
-    T, s = t[-1] - t[0], (t - t[0])[:, None]
+    T = t[-1] - t[0]
+    s = (t - t[0])[:, None]
     # c + d s: velocity c T + d T^2/2, displacement c T^2/2 + d T^3/6
     c = 6 * x / T**2 - 2 * v / T
     return c + (6 * v / T**2 - 12 * x / T**3) * s

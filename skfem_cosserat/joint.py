@@ -138,7 +138,8 @@ class Joint(Item):
 
         `length` (m) is the extent of the scene, against which a gap is measured.
         """
-        x_a, x_b = self.a.at(t), self.b.at(t)
+        x_a = self.a.at(t)
+        x_b = self.b.at(t)
         rest = self.gap(x_b - x_a)
         gap = float(np.linalg.norm(rest))
         # coordinates far from the origin are known to their own rounding only
@@ -615,7 +616,8 @@ class JointFixed(Joint):
 
     def rows(self) -> list[Zero | Product]:
         """Spherical, and three products of one triad seen from both sides."""
-        a, b = axes(self.a), axes(self.b)
+        a = axes(self.a)
+        b = axes(self.b)
         products = [Product(a[i], b[(i + 1) % 3]) for i in range(3)]
         return [self._coincide(), *products]
 
@@ -742,7 +744,8 @@ class JointDrive(Item):
         self.place = Place(
             None, -1, np.zeros(3), np.zeros(3), np.eye(3), _Prescribed(number=self.value)
         )
-        self.a, self.b = joint.a, joint.b
+        self.a = joint.a
+        self.b = joint.b
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from (("joint", self.joint), ("motion", self._number))

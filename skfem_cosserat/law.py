@@ -95,7 +95,8 @@ class Law(Frozen, ABC):
     def mean_stress(self, eps0: Array, eps1: Array) -> Array:
         """Mean of the stresses on the way by three Gauss points, to the sixth order of it."""
         place, weight = GAUSS
-        mean, step = 0.5 * (eps0 + eps1), place * (eps1 - eps0)
+        mean = 0.5 * (eps0 + eps1)
+        step = place * (eps1 - eps0)
         found = self.stress(np.stack([mean, mean - step, mean + step], axis=-2))
         middle, before, after = (found[..., k, :] for k in range(3))
         return middle + weight * (before + after - 2 * middle)
@@ -119,10 +120,13 @@ class Law(Frozen, ABC):
         d = eps1 - eps0
         middle, beside = self.beside(0.5 * (eps0 + eps1), d)
         both = self.energy(np.stack([eps0, eps1], axis=-2))
-        before, after = both[..., 0], both[..., 1]
-        metric, terms = d.dot(self.stiffness), middle * d
+        before = both[..., 0]
+        after = both[..., 1]
+        metric = d.dot(self.stiffness)
+        terms = middle * d
         work = terms.dot(self._ones)  # faster than the sum over the last axis
-        gap, smooth = (after - before) - work, GAUSS[1] * (beside - work - work)
+        gap = (after - before) - work
+        smooth = GAUSS[1] * (beside - work - work)
         size = abs(before.real) + abs(after.real)
         rounding = (4 * EPS) * (size + abs(terms.real).dot(self._ones)) + 2 * self.noise
         np.copyto(gap, smooth, where=abs((gap - smooth).real) <= rounding)
@@ -213,7 +217,8 @@ class LawStored(Law):
     ) -> None:
         super().__init__(stiffness, size)
         self.functions = energy, gradient, hessian
-        self.complex_step, self.noise = complex_step, noise
+        self.complex_step = complex_step
+        self.noise = noise
         self._steps = STEP * self.scale
         self._moves = 1j * np.diag(self._steps)
 
@@ -241,7 +246,8 @@ class LawStored(Law):
         m = len(self._ones)
         moved = np.empty((*d.shape[:-1], m + 2, m), dtype=complex)
         moved[..., :m, :] = mean[..., None, :] + self._moves
-        along, step = STEP * 1j * d, GAUSS[0] * d
+        along = STEP * 1j * d
+        step = GAUSS[0] * d
         moved[..., m, :], moved[..., m + 1, :] = mean - step + along, mean + step + along
         found = self._value("energy", energy, moved, moved.shape[:-1]).imag
         return found[..., :m] / self._steps, (found[..., m] + found[..., m + 1]) / STEP
@@ -262,13 +268,15 @@ class LawStored(Law):
 
     def _from_energy(self, energy: StrainFunction, eps: Array) -> Array:
         """Second derivative: complex steps of differences, each pair once."""
-        steps, moves = self._steps, DIFFERENCE * self.scale
+        steps = self._steps
+        moves = DIFFERENCE * self.scale
         m = len(moves)
         a, b = np.triu_indices(m)  # each pair once
         by = moves[a, None] * np.eye(m)[a]
         moved = eps[..., None, None, :] + (np.array([by, -by, 2 * by, -2 * by]) + self._moves[b])
         found = self._value("energy", energy, moved, moved.shape[:-1]).imag / steps[b]
-        near, far = found[..., 0, :] - found[..., 1, :], found[..., 2, :] - found[..., 3, :]
+        near = found[..., 0, :] - found[..., 1, :]
+        far = found[..., 2, :] - found[..., 3, :]
         out = np.empty((*eps.shape, m))
         out[..., a, b] = out[..., b, a] = (8 * near - far) / (12 * moves[a])
         return out
@@ -277,7 +285,8 @@ class LawStored(Law):
         self, name: str, function: StrainFunction, eps: Array, shape: tuple[int, ...]
     ) -> Array:
         """Derivative by the complex step; its index comes last but for those of the value."""
-        steps, moved = self._steps, eps[..., None, :] + self._moves
+        steps = self._steps
+        moved = eps[..., None, :] + self._moves
         found = self._value(name, function, moved, (*eps.shape, *shape[eps.ndim :]))
         return found.imag / steps.reshape(-1, *(1,) * (found.ndim - eps.ndim))
 
@@ -295,9 +304,11 @@ class LawStored(Law):
             except Exception as error:
                 what = f"{name} of {eps.dtype} strains {eps.shape} (which it must not change)"
                 raise failed(ITEM, what, error) from error
-        kind, hint = "f", "real numbers"
+        kind = "f"
+        hint = "real numbers"
         if np.iscomplexobj(eps):
-            kind, hint = "c", "complex numbers; give its derivative if it takes real ones only"
+            kind = "c"
+            hint = "complex numbers; give its derivative if it takes real ones only"
         if out.shape != shape or out.dtype.kind != kind:
             raise InputError(
                 ITEM,
@@ -330,7 +341,8 @@ class CompiledFunction:
     """
 
     def __init__(self, function: Any, shape: tuple[int, ...]) -> None:
-        self.function, self.shape = function, shape
+        self.function = function
+        self.shape = shape
 
     def __call__(self, eps: Array) -> Array:
         """Values (..., *shape) at strains (..., 6).
@@ -373,7 +385,8 @@ class CompiledFunction:
         """The function of a stack of points, values in rows."""
         from numba import njit
 
-        function, order = self.function, len(self.shape)
+        function = self.function
+        order = len(self.shape)
 
         def each(eps: Any, out: Any, count: int) -> float:
             for k in range(count):

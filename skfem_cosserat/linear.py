@@ -162,7 +162,8 @@ class Band:
         self.position[self.order] = np.arange(n)
         i, j = self.ends(pattern)
         i -= j
-        self.lower, self.upper = int(i.max(initial=0)), -int(i.min(initial=0))
+        self.lower = int(i.max(initial=0))
+        self.upper = -int(i.min(initial=0))
 
     def ends(self, pattern: FrozenPattern) -> tuple[Array, Array]:
         """Rows and columns (nnz,) of the pattern's entries in this order."""
@@ -190,8 +191,10 @@ class _Banded(Factors):
     name = SolverBanded.name
 
     def __init__(self, pattern: FrozenPattern, band: Band) -> None:
-        self._n, self._band = pattern.shape[0], band
-        rows, cols = pattern.indices, np.repeat(np.arange(self._n), np.diff(pattern.indptr))
+        self._n = pattern.shape[0]
+        self._band = band
+        rows = pattern.indices
+        cols = np.repeat(np.arange(self._n), np.diff(pattern.indptr))
         self._entries, self._diagonal = (rows, cols), np.flatnonzero(rows == cols)
         #: places of the entries in column-major band storage, with room for exchanged rows
         i, j = (each.astype(np.int64) for each in band.ends(pattern))
@@ -271,7 +274,8 @@ class SolverSuperLU(Solver):
 
 class _SuperLU(Factors):
     def __init__(self, pattern: FrozenPattern, symmetric: bool) -> None:
-        self._pattern, self.pivoting = pattern, not symmetric
+        self._pattern = pattern
+        self.pivoting = not symmetric
         self.name = "superlu-symmetric" if symmetric else "superlu"
         self._options = {}
         if symmetric:  # pivots on the diagonal down to a hundredth of their column's largest entry
@@ -320,7 +324,8 @@ class _Pardiso(Factors):
     pivoting = False
 
     def __init__(self, pattern: FrozenPattern, library: Any) -> None:
-        self._pattern, self._library = pattern, library
+        self._pattern = pattern
+        self._library = library
         weakref.finalize(self, library.free_memory, everything=True).atexit = False
 
     def factor(self, data: Floats) -> None:
@@ -471,7 +476,8 @@ class LinearSolver:
         return self._bound
 
     def _chosen(self) -> Factors:
-        pattern, n = self.pattern, self.pattern.shape[0]
+        pattern = self.pattern
+        n = self.pattern.shape[0]
         if pattern.nnz >= FULL * n**2:
             return SolverDense().bind(pattern)
         band = Band(pattern)
@@ -528,7 +534,8 @@ class LinearSolver:
 
     def full(self, data: Floats) -> Floats:
         """The matrix (n, n) of the unknowns that are asked for, in full."""
-        matrix, k = self.pattern.assembled(data).toarray(), self._helping
+        matrix = self.pattern.assembled(data).toarray()
+        k = self._helping
         if not k:
             return matrix
         return matrix[k:, k:] - matrix[k:, :k] @ np.linalg.solve(matrix[:k, :k], matrix[:k, k:])

@@ -270,7 +270,8 @@ class TermLine(Term):
 
     def matrices(self) -> Floats:
         """Scalars C (ne, 4 nn, 4 nn) of the nodal forces ``C y`` of a load that follows."""
-        values, turned = self.beam.basis.interpolation.full.values, self.beam.rotations
+        values = self.beam.basis.interpolation.full.values
+        turned = self.beam.rotations
         shares = np.einsum("aq,bq,eqi->eabi", values, values, self._weighted())
         ne, nn = shares.shape[:2]
         out = np.zeros((ne, nn, 4, nn, 4))
@@ -310,7 +311,8 @@ class TermLine(Term):
         """Nodal forces (ne, p + 1, 4, 3) of the line load on a beam; zero on other beams."""
         if self.beam is not beam:
             return 0.0
-        out, e = np.zeros_like(nodal), self.elements
+        out = np.zeros_like(nodal)
+        e = self.elements
         if self.follower:
             own = nodal[e]
             out[e] = factor * (self.matrices() @ own.reshape(len(e), -1, 3)).reshape(own.shape)
@@ -660,7 +662,8 @@ class _ShareOfLine(TermMoment):
         """The forces on directors that have this moment, and the least norm."""
         if self.place.item is not beam:
             return 0.0
-        out, d = np.zeros_like(nodal), nodal[*self.share, 1:]
+        out = np.zeros_like(nodal)
+        d = nodal[*self.share, 1:]
         moment = factor * (self.value @ d if self.follower else self.value)
         out[*self.share, 1:] = 0.5 * cross(moment, d)
         return out
@@ -719,7 +722,8 @@ class LoadLine(Load):
     ) -> None:
         super().__init__((), amplitude, follower)
         check_beam(self.label, beam)
-        self.beam, self.part = beam, part
+        self.beam = beam
+        self.part = part
         self.value = Along(self.label, "value", value, self._components)
         self.moment = None if moment is None else Along(self.label, "moment", moment, 3)
         self.terms()  # a function that gives no numbers is named here
@@ -733,7 +737,8 @@ class LoadLine(Load):
     def terms(self) -> Sequence[Term]:
         """Forces along the elements, and moments at their nodes."""
         kind = self.beam.basis.interpolation
-        rest, place = (self.time, self.follower), (self.beam, self.elements, self.part)
+        rest = (self.time, self.follower)
+        place = (self.beam, self.elements, self.part)
         force = self.value.on(*place, kind.full.points)
         out: list[Term] = [TermLine(self.beam, force, *rest, self.elements)]
         if self.moment is not None:

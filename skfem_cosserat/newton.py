@@ -373,7 +373,8 @@ class _Stages:
         return self.length, self.turn, 0
 
     def advance(self, sized: bool, before: float) -> float:
-        increment, report = self.increment, self.report
+        increment = self.increment
+        report = self.report
         if self.turn > self.rotation:
             increment = increment * (self.rotation / self.turn)
         size = _advance(self.problem, increment, before, self.damped)
@@ -396,10 +397,12 @@ def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = Fals
         With a backtracking line search on the residual and more iterations, of a
         :class:`DampedProblem`.
     """
-    stages, record = _Stages(problem, settings.rotation, damped), np.zeros(len(RECORD))
+    stages = _Stages(problem, settings.rotation, damped)
+    record = np.zeros(len(RECORD))
     own = {name: getattr(settings, name) for name in Limits._fields[:-2]}
     own |= {"reuse": 0, "iterations": settings.damped_iterations} if damped else {"reuse": 0}
-    limits, report = Limits(**own, worth=np.inf, wrong=np.inf), stages.report
+    limits = Limits(**own, worth=np.inf, wrong=np.inf)
+    report = stages.report
     with np.errstate(all="ignore"):
         code = _plain(stages, limits, record)
     report.converged, report.iterations = code == SETTLED, int(record[ITERATIONS])

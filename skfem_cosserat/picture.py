@@ -101,7 +101,8 @@ def _driver() -> bool:
     # VTK warns if it has to look for a display
     direct = {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"} if _headless() else {}
     for more in (direct, {}):
-        environment, command = os.environ | more, [sys.executable, "-c", _PROBE]
+        environment = os.environ | more
+        command = [sys.executable, "-c", _PROBE]
         try:
             subprocess.run(command, env=environment, capture_output=True, timeout=60, check=True)
         except subprocess.SubprocessError:
@@ -296,14 +297,17 @@ class Scene:
 
     def _link(self, entry: Any, key: str) -> Iterator[Piece]:
         """What is between two places, and pyramids under those that belong to the ground."""
-        static, ends = self.history.static, f"{key}/ends"
+        static = self.history.static
+        ends = f"{key}/ends"
         place, usual = (ends, "line") if ends in self.history else (f"{key}/position", "ball")
         if place not in self.history:
             return
-        name, unit = entry["name"], self.unit
+        name = entry["name"]
+        unit = self.unit
         bed = entry["type"] == "foundation"
         if bed:  # it has many nodes
-            name, unit = name.rpartition("/")[0], 0.7 * unit
+            name = name.rpartition("/")[0]
+            unit = 0.7 * unit
         kind = "joint" if key.startswith("joint") else _LINES
         # a spring on a joint is about the joint's axis
         sides = entry["a"], entry["b"]
@@ -401,7 +405,8 @@ class Stage:
         off_screen = _off_screen(path)
         # drawn at twice the size: smooth edges in less time than OpenGL in software takes for them
         self.finer = 2 if off_screen else 1
-        self.look, self.limits = look, limits
+        self.look = look
+        self.limits = limits
         size = [self.finer * each for each in look.window]
         self.plotter = _pyvista().Plotter(off_screen=off_screen, window_size=size)
         self.plotter.set_background("white")
@@ -474,10 +479,12 @@ class Stage:
         camera = self.plotter.camera
         camera.enable_parallel_projection()
         self.plane = pyvista.array_from_vtkmatrix(camera.GetViewTransformMatrix())[:3, :3]
-        self.focus, scale = np.array(camera.focal_point), 0.27 * camera.distance
+        self.focus = np.array(camera.focal_point)
+        scale = 0.27 * camera.distance
         if isinstance(self.look.camera, str):
             ends = np.concatenate(points) @ self.plane.T
-            low, high = np.nanmin(ends, axis=0), np.nanmax(ends, axis=0)
+            low = np.nanmin(ends, axis=0)
+            high = np.nanmax(ends, axis=0)
             scale = 0.5 * max(*(high - low)[:2] / (0.8 * self.wide, 0.68), 1e-9)
             self.focus = (0.5 * (low + high) - (0, 0.16 * scale, 0)) @ self.plane
             camera.focal_point = self.focus
@@ -573,7 +580,8 @@ def _nearest(times: Floats, asked: Floats) -> list[int]:
 
 def _rows(history: History, frames: int | Sequence[int]) -> list[Row]:
     """States in a picture."""
-    numbers, times = frames, _times(history)
+    numbers = frames
+    times = _times(history)
     if isinstance(numbers, int):
         numbers = sorted(set(_nearest(times, np.linspace(times[0], times[-1], max(numbers, 0)))))
     if len(numbers) == 0 or not all(-len(times) <= i < len(times) for i in numbers):
@@ -660,7 +668,8 @@ def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
 
 def animate(history: History, path: FilePath, fps: float, speed: float, look: Look) -> Path:
     """See :meth:`History.animate`."""
-    rate, pace = positive("argument fps", "fps", fps), positive("argument speed", "speed", speed)
+    rate = positive("argument fps", "fps", fps)
+    pace = positive("argument speed", "speed", speed)
     times = _times(history)
     count = int(np.ptp(times) * rate / pace * (1 + 1e-9)) + 1
     if count > _FRAMES:

@@ -130,11 +130,13 @@ class SectionTaper(SectionField):
                 raise InputError(item, f"{name} = {here!r} at the start, {there!r} at the end")
         if first.viscosity.any() or last.viscosity.any():
             raise InputError(item, "its ends are damped: damp the taper, by .damped(time)")
-        self.first, self.last = first, last
+        self.first = first
+        self.last = last
 
     def at(self, s: float, length: float) -> Section:
         """The section with the dimensions there."""
-        x, ends = s / length, zip(self.first.dimensions, self.last.dimensions, strict=True)
+        x = s / length
+        ends = zip(self.first.dimensions, self.last.dimensions, strict=True)
         own = {name: (1 - x) * a + x * b for (name, a), (_, b) in ends}
         return type(self.first)(**own, **dict(self.first.others))
 
@@ -212,7 +214,8 @@ class SectionTable(SectionField):
         parts = [np.reshape(a, (count, int(np.prod(a.shape[1:])))) for a in arrays.values()]
         self._ends, flat = np.cumsum([part.shape[1] for part in parts])[:-1], np.hstack(parts)
         self._stations = Stations(item, s, flat, interpolation == "pchip")
-        self.s, self.interpolation = self._stations.s, interpolation
+        self.s = self._stations.s
+        self.interpolation = interpolation
         for k, place in enumerate(self.s):
             try:
                 self.at(place, self.s[-1])
@@ -249,7 +252,8 @@ class SectionSampled(SectionField):
     """
 
     def __init__(self, xi: Floats, sections: Array) -> None:
-        self.xi, self.sections = xi, sections
+        self.xi = xi
+        self.sections = sections
 
     def at(self, s: float, length: float) -> Section:
         """InputError: arc lengths are not known here."""
@@ -259,7 +263,8 @@ class SectionSampled(SectionField):
         """The section at xi of an element; between known places its numbers are polynomials."""
         from .element import lagrange  # imports scikit-fem
 
-        row, near = self.sections[e], int(abs(self.xi - xi).argmin())
+        row = self.sections[e]
+        near = int(abs(self.xi - xi).argmin())
         if abs(self.xi[near] - xi) < SAME or not row[near].quadratic:
             return row[near]
         weights = lagrange(self.xi, xi)
@@ -268,7 +273,8 @@ class SectionSampled(SectionField):
             for name in ("stiffness", "viscosity", "density")
         )
         mass = float(density[0, 0])
-        centre, outline = density[0, 1:] / mass, row[near].outline
+        centre = density[0, 1:] / mass
+        outline = row[near].outline
         return Section(stiffness, mass, density[1:, 1:], outline, viscosity, centre)
 
 

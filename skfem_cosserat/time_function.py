@@ -80,7 +80,8 @@ class _Ramp(Frozen, ABC):
 
     def _unclear(self, begin: float, end: float, values: tuple[float, ...]) -> str:
         """Text of an error: what numbers without names may have been meant to be."""
-        kind, value = type(self).__name__, values[0]
+        kind = type(self).__name__
+        value = values[0]
         return (
             f"got {(begin, end, *values)!r}, whose order is begin, end (s), first, last (the values"
             f" before and after): name them, as {kind}({begin!r}, {end!r}, last={value!r}) or"
@@ -109,7 +110,8 @@ class _Ramp(Frozen, ABC):
         ends = [t0, *(t for t in (self.begin, self.end) if t0 < t < t1), t1]
         total = 0.0
         for a, b in pairwise(ends):
-            mid, half = (a + b) / 2, (b - a) / 2
+            mid = (a + b) / 2
+            half = (b - a) / 2
             total += half * sum(
                 w * self.value(mid + half * x) for x, w in zip(_POINTS, _WEIGHTS, strict=True)
             )
@@ -287,12 +289,14 @@ class Table(Frozen):
 
 def _clenshaw_curtis(n: int) -> tuple[Floats, Floats, Floats]:
     """Points of [-1, 1], both ends among them; weights; what gives a late Chebyshev coefficient."""
-    points, k = -np.cos(np.pi * np.arange(n + 1) / n), np.arange(0, n + 1, 2)
+    points = -np.cos(np.pi * np.arange(n + 1) / n)
+    k = np.arange(0, n + 1, 2)
     to_coefficients = np.linalg.inv(np.polynomial.chebyshev.chebvander(points, n))
     return points, (2 / (1 - k**2)) @ to_coefficients[k], to_coefficients[n - 1]
 
 
-_ALL, _LESS = _clenshaw_curtis(16), _clenshaw_curtis(8)
+_ALL = _clenshaw_curtis(16)
+_LESS = _clenshaw_curtis(8)
 #: without both ends, at which a function is asked exactly: it may not be defined beyond them
 _INSIDE, _BY = _ALL[0][1:-1].tolist(), _ALL[1].tolist()
 #: what tells of an error: the difference to every second point, and a coefficient that sees kinks
@@ -349,7 +353,8 @@ class FunctionOfTime(Frozen):
 
     def _values(self, times: Sequence[float]) -> list[float]:
         """The function's values, up to the first that is no finite number."""
-        out, function = [], self.function
+        out = []
+        function = self.function
         for t in times:
             try:
                 value = function(t)
@@ -381,7 +386,8 @@ class FunctionOfTime(Frozen):
         return math.fsum(each[3] for each in pieces)
 
     def _piece(self, a: float, b: float) -> _Piece:
-        mid, half = (a + b) / 2, (b - a) / 2
+        mid = (a + b) / 2
+        half = (b - a) / 2
         f = self._values([a, *(mid + half * x for x in _INSIDE), b])
         error = 0.0
         if b - a > 1e-14 * max(abs(a), abs(b)):  # else a jump, pinned down to rounding

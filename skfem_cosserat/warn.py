@@ -248,9 +248,11 @@ def _level() -> int:
 
     By their names: what a dataclass generates, or doctest runs, is in no file of the package.
     """
-    frame, level = sys._getframe(1), 1
+    frame = sys._getframe(1)
+    level = 1
     while frame.f_back is not None and _inside(frame.f_globals.get("__name__", "")):
-        frame, level = frame.f_back, level + 1
+        frame = frame.f_back
+        level = level + 1
     return level
 
 

@@ -108,7 +108,8 @@ def _sure(line: Line) -> bool:
 
 
 def _draw(axis: Any, line: Line, style: Style) -> None:
-    found, color = line.found, style.color
+    found = line.found
+    color = style.color
     shown = line.solved & (found.errors > 0)
     what = "observed" if line.label else "order"
     what += f" {found.order:.2f} +- {max(found.spread, 0.005):.2f}"
@@ -116,7 +117,8 @@ def _draw(axis: Any, line: Line, style: Style) -> None:
         what = found.verdict.partition(":")[0].partition(";")[0]
     label = f"{line.label}: {what}" if line.label else what
     sure = {"linestyle": "-"} if _sure(line) else {"linestyle": "--", "markerfacecolor": "none"}
-    x, y = found.sizes[shown], found.errors[shown]
+    x = found.sizes[shown]
+    y = found.errors[shown]
     axis.plot(x, y, label=label, **{**style._asdict(), **sure})
     _crosses(axis, found.sizes[~line.solved], 0.04, color=color, clip_on=False)
     if found.rounding > 0 and (found.errors[shown] < 100 * found.rounding).any():
@@ -362,7 +364,8 @@ def stability_chart(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    names, words = list(axes), dict(labels or {})
+    names = list(axes)
+    words = dict(labels or {})
     values = [None] if len(names) == 2 else list(axes[names[0]])
     shape = (len(values), *status.shape[-2:])
     cells = status.reshape(shape)

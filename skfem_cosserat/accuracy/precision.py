@@ -162,7 +162,8 @@ def as_setups(given: Any) -> list[Setup]:
     expected = "expected a list of (label, function of the problem)"
     if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
         raise InputError("argument setups", f"{given!r}, {expected}")
-    found, labels = [], set()
+    found = []
+    labels = set()
     for each in given:
         if not isinstance(each, tuple | list) or not 2 <= len(each) <= len(Setup._fields):
             raise InputError("argument setups", f"{each!r}, {expected}")
@@ -232,7 +233,8 @@ def ended(result: Any) -> tuple[str, str]:
         return ("newton", str(result.meta.get("failure", result.status))) if bad else ("ok", "")
     if not isinstance(result, Mapping) or result.get("status", "ok") in DONE:
         return "ok", ""
-    state, reason = str(result["status"]), str(result.get("reason", ""))
+    state = str(result["status"])
+    reason = str(result.get("reason", ""))
     return (state, reason) if state in STATUSES else ("error", f"{state}: {reason}".rstrip(": "))
 
 
@@ -601,7 +603,8 @@ def _decades(points: Sequence[Row], quantity: str, reference: float) -> list[flo
     sizes = [row[f"error_{quantity}"] for row in points if row[f"error_{quantity}"] > 0]
     if not sizes:
         return [0.0] if points else []
-    top, bottom = floor(log10(max(sizes))), ceil(log10(np.fmax(min(sizes), reference)))
+    top = floor(log10(max(sizes)))
+    bottom = ceil(log10(np.fmax(min(sizes), reference)))
     return [10.0**k for k in range(max(top, bottom), bottom - 1, -1)]
 
 
@@ -696,7 +699,8 @@ def work_precision(
     for 1e-04 in integral the cheapest is trapezoid, count = 100: 1.4e-05 in 0.0001 s
     """
     chosen = as_setups(setups)
-    truth, wanted = reference_of(reference, levels=False), Quantities(quantities, norm)
+    truth = reference_of(reference, levels=False)
+    wanted = Quantities(quantities, norm)
     if isinstance(repeats, bool) or not isinstance(repeats, int | np.integer) or repeats < 1:
         raise InputError("argument repeats", f"{repeats!r}, expected a positive integer")
     if not callable(clock):

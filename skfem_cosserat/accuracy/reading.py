@@ -188,7 +188,8 @@ class Reading(NamedTuple):
         apart_from : (j, 2) array
             Spans of time that do not count: both runs jump there at instants of their own.
         """
-        a, b = self, other
+        a = self
+        b = other
         if a.times is None or b.times is None:
             t, mine, others = np.zeros(1), a.values[None], b.values[None]
         else:
@@ -196,7 +197,8 @@ class Reading(NamedTuple):
             counts = (t >= b.times[0]) & (t <= b.times[-1] * (1 + 1e-12))
             for first, last in apart_from:
                 counts &= (t < first) | (t > last)
-            t, mine = t[counts], a.values[counts]
+            t = t[counts]
+            mine = a.values[counts]
             others = b.at(t)
         least = ROUNDING * np.nan_to_num(abs(a.values)).max(initial=0.0)
         same = np.isnan(mine) & np.isnan(others)  # as of an event that comes in neither run
@@ -340,7 +342,8 @@ def aligned(
     InputError
         If shapes differ from level to level, or there are no common instants.
     """
-    item, instants = f"quantity {name!r}", None
+    item = f"quantity {name!r}"
+    instants = None
     for level, sample in samples.items():
         if name not in sample:
             raise InputError(item, f"missing at {level}")

@@ -173,7 +173,8 @@ def series_of(elements: Any, mesh: Any, order: Any, step: Any, together: bool) -
     if by_order and order is not None:
         raise InputError("argument order", f"{order!r}, but {space} says the orders already")
     orders = _values("order", tuple(given) if by_order else order)
-    steps, switched = _values("step", step), switch("argument together", together)
+    steps = _values("step", step)
+    switched = switch("argument together", together)
     found = []
     for p in orders or [None]:
         counted = _values(space, given[p] if by_order and orders else given)
@@ -208,7 +209,8 @@ def _values(name: str, given: Sequence[Any] | Any) -> list[Any]:
     """Checked values of a sequence or a single value; empty if there is none."""
     if given is None:
         return []
-    kind, label = ARGUMENTS[name], f"argument {name}"
+    kind = ARGUMENTS[name]
+    label = f"argument {name}"
     single = np.isscalar(given) or isinstance(given, skfem.Mesh | Mapping)
     values = [kind.fits(label, each) for each in ([given] if single else given)]
     if any(a <= b for a, b in pairwise(map(kind.size, values))):
@@ -462,7 +464,8 @@ class Refinement(Report):
         lines = [f"refinement of {self.title}: {len(self.outcomes)} levels{failed}"]
         for series in self.series:
             for key in map(series.key, self.quantities):
-                found, limit = self.orders[key], self.orders[key].extrapolated
+                found = self.orders[key]
+                limit = self.orders[key].extrapolated
                 lines.append(f"{key}: {found.verdict}")
                 if limit is not None and limit.size <= WIDE:
                     numbers = ", ".join(f"{each:.9g}" for each in limit.ravel())
@@ -730,7 +733,8 @@ class _Plan:
         """Values and orders of a quantity, and what is held, into the study."""
         compared = {each: samples[each] for each in self.levels | self.runs if each in samples}
         shared, instants = aligned(name, compared, self.wanted.over)
-        norm, noise = self.wanted.norm(instants), self.rounding
+        norm = self.wanted.norm(instants)
+        noise = self.rounding
         shape = next(iter(shared.values())).shape
         runs = [shared[run] for run in self.runs]
         known, off = self.reference.of(name, shape, instants, runs, norm)
@@ -773,8 +777,10 @@ class _Plan:
         judged: Mapping[str, Convergence],
     ) -> Held:
         """Error that a fixed argument of a series brings to a quantity at its finest level."""
-        finest, probe = series.finest, case_name(series.probe(argument))
-        error, words = np.nan, "it was not probed"
+        finest = series.finest
+        probe = case_name(series.probe(argument))
+        error = np.nan
+        words = "it was not probed"
         other = [each for each in self.series if argument in each.varied]
         if other:  # held at the finest level of a series of its own
             found = judged[other[0].key(name)]

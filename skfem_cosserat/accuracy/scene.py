@@ -137,7 +137,8 @@ class Maximum(_Sampled):
     def values(self, name: str, run: Run) -> Reading:
         """The largest value of the run."""
         every = super().values(name, run)
-        y, t = _column(name, every, self.component), every.times
+        y = _column(name, every, self.component)
+        t = every.times
         k = np.argmax(y)
         if t is None or not 0 < k < len(y) - 1:
             return Reading(np.asarray(y[k]))
@@ -176,7 +177,8 @@ class _Function(Quantity):
         self.function = function
 
     def values(self, name: str, run: Run) -> Reading:
-        item, history = f"quantity {name!r}", run.history
+        item = f"quantity {name!r}"
+        history = run.history
         if isinstance(self.function, str):
             if self.function not in history:
                 known = names_known(self.function, history)
@@ -250,7 +252,8 @@ class Run:
             record = self.history.sensors[name]
             finite = np.isfinite(record.values.reshape(len(record.times), -1)).all(axis=1)
             return Reading(record.values[finite], record.times[finite])
-        system, path = self.system, self.history
+        system = self.system
+        path = self.history
         if isinstance(sensor, SensorReaction):
             joint = f"joint/{sensor.joint.name}/"
             rows = np.concatenate([path[joint + "force"], path[joint + "moment"]], axis=1)
@@ -279,7 +282,8 @@ class Run:
         h = 0.0 if self.at_rest else float(self.history.meta["step"]) * (1 + 1e-9)
         spans = np.stack([around - h, around + h], axis=1)
         for name, own in self.values.items():
-            a, b = own.shape, other.values[name].shape
+            a = own.shape
+            b = other.values[name].shape
             if a != b:
                 text = f"has shape {a} on one mesh and {b} on another, expected the same on all"
                 raise InputError(f"quantity {name!r}", text)
@@ -506,7 +510,8 @@ class Scene:
             raise InputError("argument quantities", str(error)) from error
         if events and not self.moves:
             raise InputError("argument quantities", f"{events[0].label} needs a motion: until=")
-        self.begun, self.span = first.time, 0.0
+        self.begun = first.time
+        self.span = 0.0
         if until is not None:
             end = real("argument until", "until", until, "a time (s)")
             if not first.time < end < np.inf:

@@ -115,7 +115,8 @@ def simplified(scene: Scene, run: Run, case: Case, band: Mapping[str, float]) ->
     """Try what the numbers of a run suggest, each by one run, then all that fits together."""
     room = 1 - 2 * max(band[name] / scene.asked.tolerance[name] for name in band)
     energies = {name: energies_of(run, name) for name in scene.beams}
-    rows, taken = [], list[_Trial]()
+    rows = []
+    taken = list[_Trial]()
     for trial in _suggested(scene, run, case, energies):
         if trial.theories and any(trial.theories.keys() == each.theories.keys() for each in taken):
             continue  # a simpler theory of these beams does already
@@ -148,7 +149,8 @@ def energies_of(run: Run, name: str) -> dict[str, Floats]:
     """
     beam = run.model[name]
     assert isinstance(beam, Beam)
-    e, strains = beam.elements, section_strains(run.system, beam, run.history["q"])
+    e = beam.elements
+    strains = section_strains(run.system, beam, run.history["q"])
     stress = np.array([beam_stress(e, each) for each in strains])
     parts = 0.5 * np.einsum("tegk,tegk,eg->tk", strains, stress, e.lengths[:, None] * e.weights)
     return {kind: parts[:, list(k)].sum(axis=1) for kind, k in KINDS.items()}
@@ -158,7 +160,8 @@ def _suggested(
     scene: Scene, run: Run, case: Case, energies: Mapping[str, Mapping[str, Floats]]
 ) -> list[_Trial]:
     """Trials, those that leave out most first."""
-    kinetic, potential = run.history["kinetic"], run.history["external"]
+    kinetic = run.history["kinetic"]
+    potential = run.history["external"]
     stored = [sum(parts.values()) for parts in energies.values()]
     strained = float(np.max(sum(stored))) if stored else 0.0
     whole = float(np.max(kinetic + abs(potential - potential[0])) + strained)
@@ -168,7 +171,8 @@ def _suggested(
         trials.append(_Trial("inertia (statics)", why, case, statics=True))
     for names in _alike(scene):
         energy = {k: sum(energies[n][k] for n in names) for k in KINDS}
-        own, label = sum(energy.values()), ", ".join(names)
+        own = sum(energy.values())
+        label = ", ".join(names)
         slight = energy["shear"], energy["shear"] + energy["extension"], own
         compared = float(np.max(own)), float(np.max(own)), whole
         choices = (

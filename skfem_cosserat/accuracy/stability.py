@@ -231,7 +231,8 @@ class JudgeEnergy:
 
     def _failed(self, error: Exception, time: float, change: float, blown: bool) -> Verdict:
         """Verdict on a run that failed, by the time it reached and its change of energy."""
-        reason, residual = in_words(error), float("nan")
+        reason = in_words(error)
+        residual = float("nan")
         state = "timeout" if isinstance(error, LATE) else "error"
         if isinstance(error, Diverged):
             residual = float(error.residual)
@@ -251,9 +252,11 @@ class JudgeEnergy:
 
         Before a failed step the momentum, which comes from that step, may not be known.
         """
-        t, energy = history.times, self._energies(history)
+        t = history.times
+        energy = self._energies(history)
         if failed and len(t) > 1 and np.isnan(energy[-1]):
-            t, energy = t[:-1], energy[:-1]
+            t = t[:-1]
+            energy = energy[:-1]
         after = np.flatnonzero(t >= self.since - 1e-12 * max(abs(t[-1]), abs(self.since)))
         if not len(after):
             return float(t[-1]), float("nan"), False
@@ -315,7 +318,8 @@ def full_protocol(error: Diverged) -> bool:
     >>> full_protocol(Diverged(0.0, 1, 1.0, "no convergence", "try", [[1.0]]))
     False
     """
-    given, full = error.settings, FULL_PROTOCOL
+    given = error.settings
+    full = FULL_PROTOCOL
     return (
         given is not None
         and len(error.residuals) >= ATTEMPTS
@@ -651,7 +655,8 @@ def _cell(
     timeout_s: float | None,
 ) -> Verdict:
     """Run and judge a cell; what the judge raises is the cell's error."""
-    running, history = Caught(), None
+    running = Caught()
+    history = None
     arguments = parameters | _settings(problem, parameters)
     with running, TimeLimit(timeout_s):
         history = problem(**arguments)

@@ -41,7 +41,8 @@ class Band(float):
     def __new__(cls, step: float, mesh: float) -> Band:
         """The sum of both parts."""
         band = super().__new__(cls, step + mesh)
-        band.step, band.mesh = step, mesh
+        band.step = step
+        band.mesh = mesh
         return band
 
     step: float
@@ -120,7 +121,8 @@ class Answer(Shown):
         """At most eight lines."""
         lines = ["within the tolerance" if self.reached else f"not reached: {self.reason}"]
         for name in sorted(self.band, key=lambda n: -self.band[n] / self.tolerance[n])[:4]:
-            band, value = self.band[name], np.asarray(self.values[name])
+            band = self.band[name]
+            value = np.asarray(self.values[name])
             last = value[-1] if len(self.times) and value.ndim and len(value) > 1 else value
             shown = np.array2string(np.asarray(last), precision=6, threshold=6)
             error = "error unknown"
@@ -264,7 +266,8 @@ class _Search:
         self.runs: dict[Case, Run | None] = {}
         #: processor time (s) of each, also of those that failed
         self.costs: dict[Case, float] = {}
-        self.count, self.spent = 0, 0.0
+        self.count = 0
+        self.spent = 0.0
         #: what made the last run fail, and how many have failed without a pair that came through
         self.error: Exception | None = None
         self.failures = 0
@@ -292,7 +295,8 @@ class _Search:
         """A run; None if it fails."""
         if self.interrupt.asked:
             raise _Ended("it was interrupted")
-        begun, run = time.process_time(), None
+        begun = time.process_time()
+        run = None
         try:
             with Notices(quiet=True, alone=True):
                 run = self.scene.run(case, nudge)
@@ -327,7 +331,8 @@ class _Search:
 
     def rest(self) -> str:
         """Equilibria: order after order, until the difference of two is small enough, and fell."""
-        case, before = Case(1, 2, 0), np.inf
+        case = Case(1, 2, 0)
+        before = np.inf
         coarse = None
         while case.parts <= MOST_PARTS:
             fine = self.tried(case)
@@ -382,7 +387,8 @@ class _Search:
             if 2 * size <= 1:
                 what = f"its steps do not see what {unseen} does between their ends"
                 return what if unseen else ""
-            by_step, by_mesh = self.size(step), self.size(mesh)
+            by_step = self.size(step)
+            by_mesh = self.size(mesh)
             if by_step > 0.25:
                 if reason := self.doubt(case, coarse, fine, by_step):
                     return reason
@@ -409,9 +415,11 @@ class _Search:
         highest = 1.0 if len(coarse.jumps) else float(self.scene.order)
         half = self.runs.get(case.longer)
         before = between if half is None else _largest(half.distances(coarse))
-        errors, orders = {}, [highest]
+        errors = {}
+        orders = [highest]
         for name, last in between.items():
-            first, order = before[name], highest
+            first = before[name]
+            order = highest
             if half is None:
                 first = 0.0
             elif first > 0 < last:

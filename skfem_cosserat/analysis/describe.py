@@ -121,7 +121,8 @@ def _tied(item: Any, kind: str) -> dict[str, Any]:
 
 def _describe_joint(joint: Joint, system: System, static: dict[str, Any]) -> None:
     """Axes (3, 3) of what a joint leaves free, the first last, in the frame of side a."""
-    key, a = f"joint/{joint.name}/", joint.a
+    key = f"joint/{joint.name}/"
+    a = joint.a
     with suppress(NotImplementedError, InputError):  # own joints for multipliers have no freedom
         free = joint.freedom()
         slides = [np.cross(slide.left, slide.right) for slide in free.slides]
@@ -147,7 +148,8 @@ def _describe_lump(
 ) -> None:
     """A body or mass point, also one that is attached to a node: it moves with that frame."""
     if isinstance(item, RigidBody):
-        place, surface = item.at(item.position), item.surface
+        place = item.at(item.position)
+        surface = item.surface
     else:  # off the origin of its frame: a small ball that moves with it
         place = item.place()
         surface = ball_surface(0.01 * system.length) if place.offset.any() else None
@@ -203,7 +205,8 @@ def _described_sections(beam: Beam) -> dict[str, Array]:
     """Radii (ne, 2) at the ends of elements; of each section its shapes, or those of the nodes."""
     from ..section_field import distinct
 
-    radius, at = np.zeros((len(beam.section_id), 2)), np.linspace(0.0, 1.0, beam.basis.order + 1)
+    radius = np.zeros((len(beam.section_id), 2))
+    at = np.linspace(0.0, 1.0, beam.basis.order + 1)
     found = {"radius": radius}
     for k in range(len(beam.sections)):
         own = np.flatnonzero(beam.section_id == k)

@@ -27,7 +27,8 @@ class Interrupt:
     """
 
     def __init__(self, message: str = "the run ends after this step, its history is kept") -> None:
-        self.asked, self.message = False, message
+        self.asked = False
+        self.message = message
         self._main = threading.current_thread() is threading.main_thread()
 
     def __enter__(self) -> Interrupt:
@@ -84,8 +85,10 @@ class Progress:
                 "argument progress", f"{progress!r}, expected True, False or a function"
             )
         self._function = progress if callable(progress) else None
-        self._text, self._on = text, progress is True
-        self._line, self._last = "", 0.0
+        self._text = text
+        self._on = progress is True
+        self._line = ""
+        self._last = 0.0
 
     def __call__(self, *numbers: Any) -> None:
         """Show these numbers now or soon."""

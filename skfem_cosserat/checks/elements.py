@@ -22,7 +22,8 @@ LACKING = 0.1
 
 def inside_out(result: Recorded) -> Iterator[Doubt]:
     """Elements that are pressed to no length or less, as no real bar can be."""
-    system, history = result.system, result.history
+    system = result.system
+    history = result.history
     for group in system.beam_groups:
         stretch = group_stretches(group, history["q"]).min(axis=2)
         for row in np.flatnonzero((stretch <= 0).any(axis=1))[:1]:
@@ -51,7 +52,8 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
     lams = np.zeros((len(rows), system.m))
     if system.theory_rows:
         lams = multipliers(system, states, history["constraint_force"][rows])
-    total, factors = np.zeros((len(beams), 2)), recorded_factors(system, history)
+    total = np.zeros((len(beams), 2))
+    factors = recorded_factors(system, history)
     for row, y, lam in zip(rows, states, lams, strict=True):
         if np.isfinite(lam).all():
             acting = recorded_amplitudes(history, row) if at_rest else None
@@ -79,9 +81,11 @@ def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
     """Modes that the mesh makes, or makes wrong."""
     lacking, stored = result.energies.sum(axis=1).T
     share = abs(lacking) / np.where(result.energy > 0, np.maximum(result.energy, stored), np.inf)
-    found, worst = np.flatnonzero(share > LACKING), int(share.argmax())
+    found = np.flatnonzero(share > LACKING)
+    worst = int(share.argmax())
     if len(found):
-        of, told = f"mode {', '.join(map(str, found))}", f"the {result.told} of mode {worst}"
+        of = f"mode {', '.join(map(str, found))}"
+        told = f"the {result.told} of mode {worst}"
         off = (1 + share[worst]) ** (1 / result.power) - 1
         yield _coarse(result.system, of, told, result.energies[worst], off)
 

@@ -22,7 +22,8 @@ def falls(run: Run) -> Iterator[Doubt]:
 
     Where events act, it is meant to fall: onto something, or after a release.
     """
-    system, history = run.system, run.history
+    system = run.system
+    history = run.history
     weights = [np.any(term.acceleration()) for term in system.loading.terms]
     free = bool(weights) and all(weights) and separate_parts(system).free.all()
     first, last = history["p"][[0, -1]]
@@ -32,7 +33,8 @@ def falls(run: Run) -> Iterator[Doubt]:
 
 def open_constraints(run: Run) -> Iterator[Doubt]:
     """Constraints that recorded states do not fulfil to rounding; the first of some states."""
-    system, history = run.system, run.history
+    system = run.system
+    history = run.history
     first, end = history.segments[-1]  # those of this system
     for k in (first + spread(end - first)).tolist():
         t = float(history.times[k])
@@ -51,9 +53,12 @@ def off_plane(run: Run) -> Iterator[Doubt]:
 
 def free_end(path: Path) -> Iterator[Doubt]:
     """A motion that nothing holds in the equilibrium at the end, as of what a slack cable ties."""
-    system, history = path.system, path.history
-    instant, load_factor = float(history.instants[-1]), float(history["load_factor"][-1])
-    y, amplitudes = system.extend(history["q"][-1], instant), recorded_amplitudes(history)
+    system = path.system
+    history = path.history
+    instant = float(history.instants[-1])
+    load_factor = float(history["load_factor"][-1])
+    y = system.extend(history["q"][-1], instant)
+    amplitudes = recorded_amplitudes(history)
     turns = history["turns"][-1] if "turns" in history else None
     tangent = reduced_tangent(system, y, amplitudes, balance(system, y, amplitudes, turns=turns))
     free = free_motion(system, tangent) if system.unknowns else None

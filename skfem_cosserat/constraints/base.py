@@ -286,7 +286,8 @@ class BoundTreatment(ABC):
 
         A change of directors stands for a rotation.
         """
-        system, d = self.system, abs(self.displacement(increment, y1))
+        system = self.system
+        d = abs(self.displacement(increment, y1))
         shift = d[system.origin_rows].max(initial=0.0) / system.length
         turn = d[system.kinematics.director_rows].max(initial=0.0)
         return float(max(shift, turn)), float(turn)
@@ -323,7 +324,8 @@ class BoundTreatment(ABC):
     def _scale_gaps(self, blocks: Sequence[Array]) -> None:
         """Scale constraint rows by the largest entry of the first matrix of a step."""
         if not self._sized:  # a scene without stiffness, on a path, has blocks of zeros
-            self.gap_scale, self._sized = max(float(abs(b).max()) for b in blocks) or 1.0, True
+            self.gap_scale = max(float(abs(b).max()) for b in blocks) or 1.0
+            self._sized = True
 
 
 def half_turn(system: System, y0: Array, y1: Array) -> str | None:
@@ -361,7 +363,8 @@ class Congruence:
     """
 
     def __init__(self, full: FrozenPattern, by: FrozenPattern) -> None:
-        self._full, self._by = full, by
+        self._full = full
+        self._by = by
         Z = by.matrix(np.ones(len(by.slot)))
         whole = (Z.T @ full.matrix(np.ones(len(full.slot))) @ Z).tocoo()
         self.pattern = FrozenPattern(whole.row, whole.col, whole.shape)

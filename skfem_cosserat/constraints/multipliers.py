@@ -136,7 +136,8 @@ class BoundMultipliers(BoundTreatment):
         self.scaled = scaled
         self._large = large
         i, j = group_pairs(system, [group.dofs for group in system.groups])
-        gi, gj = g.G_rows, g.G_cols
+        gi = g.G_rows
+        gj = g.G_cols
         self._redundant = system.closure.rank < len(system.closure.rows)
         loop = n + system.closure.rows if self._redundant else np.zeros(0, dtype=np.int64)
         ci, cj = pair_numbers(system.coupled_rows, 3 * np.arange(system.rows))
@@ -217,7 +218,8 @@ class BoundMultipliers(BoundTreatment):
         """
         n = self.system.n
         if extrapolate and self.last is not None:
-            q, multiplier = self._q0 + self.last[:n], self.last[n:]
+            q = self._q0 + self.last[:n]
+            multiplier = self.last[n:]
             self._turn_directors(q, self.last[:n])
         else:
             q = self._q0 + (self._following() if self._away is None else self._away)
@@ -234,9 +236,11 @@ class BoundMultipliers(BoundTreatment):
     def _balancing(self, R: Array, y: Array) -> Array:
         """Multipliers that balance R at y best; zero for rows that depend on others."""
         kept = np.flatnonzero(self._keep)
-        G, force = self.system.constraints.jacobian(y)[kept], R.reshape(-1)
+        G = self.system.constraints.jacobian(y)[kept]
+        force = R.reshape(-1)
         if self._inside is not None:
-            G, force = G @ self._inside.along, self._inside.restrict(force)
+            G = G @ self._inside.along
+            force = self._inside.restrict(force)
         out = np.zeros(self.system.m, dtype=R.dtype)
         if len(kept):
             out[kept] = -splu((G @ G.T).tocsc()).solve(G @ force)
@@ -302,14 +306,17 @@ class BoundMultipliers(BoundTreatment):
         full = [b.blocks() if isinstance(b, Parts) else b for b in blocks]
         if self.scaled:
             self._scale_gaps(full)
-        constraints, size = self.system.constraints, self.gap_scale
+        constraints = self.system.constraints
+        size = self.gap_scale
         column, row = (size, size) if self.scaled and scaled else (self.h, 1.0)
         values = [b.ravel() for b in full]
-        left, right = self._left, constraints.jacobian_values(y1)
+        left = self._left
+        right = constraints.jacobian_values(y1)
         dead = np.zeros(0)
         if self._redundant:
             keep = self._keep[constraints.G_rows]
-            left, right = left * keep, right * keep
+            left = left * keep
+            right = right * keep
             dead = 1.0 - self._keep[self.system.closure.rows]
         values += [column * left, row * right, row * dead]
         if self.weight:
@@ -326,7 +333,8 @@ class BoundMultipliers(BoundTreatment):
 
     def move(self, increment: Array) -> None:
         """Add an increment of the unknowns to the coordinates and multipliers."""
-        n, increment = self.system.n, self._expanded(increment)
+        n = self.system.n
+        increment = self._expanded(increment)
         factor = self.gap_scale if self.scaled else self.h
         q, multiplier = self.sought
         q = self._turned(increment[:n].reshape(-1, 3)) if self._large else q + increment[:n]

@@ -73,12 +73,15 @@ class JointByJoint:
         own = np.flatnonzero(alone[S.rows])
         twist[S.rows[own]] = coordinate[S.cols[own]]
         self._joints = np.flatnonzero(~alone[S.rows])
-        at, of = S.rows[self._joints], coordinate[S.cols[self._joints]]
+        at = S.rows[self._joints]
+        of = coordinate[S.cols[self._joints]]
         i, j = recursion.transport
         self._moved = np.flatnonzero(~alone[i])
-        i, j = i[self._moved], j[self._moved]
+        i = i[self._moved]
+        j = j[self._moved]
         k, other = extra
-        held, moved = self.helping + unknowns + rows.row, twist[rows.twist]
+        held = self.helping + unknowns + rows.row
+        moved = twist[rows.twist]
         ends = [
             (twist[pairs[0]], twist[pairs[1]]),
             (coordinate[k], twist[other]),
@@ -107,7 +110,8 @@ class JointByJoint:
         `scale`: size of A, which equations and forces that help are given.
         """
         (S_left, X_left), (S_right, X_right) = map(self._recursion.split, T)
-        moved, joints = self._moved, self._joints
+        moved = self._moved
+        joints = self._joints
         tree = [X_right[moved], -X_left[moved], -S_right[joints], S_left[joints]]
         return self.pattern.data(np.concatenate([*A, C, scale * np.concatenate(tree), *rows]))
 
@@ -127,12 +131,14 @@ class LoopReduction(Congruence):
     def __init__(self, full: FrozenPattern, closure: Closure, before: int, behind: int) -> None:
         rows, cols, self._ones = closure.null_pattern()
         free = len(cols) and int(cols.max()) + 1
-        first, last = np.arange(before), np.arange(behind)
+        first = np.arange(before)
+        last = np.arange(behind)
         shape = full.shape[0], before + free + behind
         rows = np.concatenate([first, before + rows, full.shape[0] - behind + last])
         cols = np.concatenate([first, before + cols, before + free + last])
         super().__init__(full, FrozenPattern(rows, cols, shape))
-        self._closure, self._apart = closure, (np.ones(before), np.ones(behind))
+        self._closure = closure
+        self._apart = (np.ones(before), np.ones(behind))
 
     def values(self, chosen: list[Selected]) -> Floats:
         """Entries of Z for rows at one configuration."""
@@ -200,7 +206,8 @@ class BoundNullSpace(BoundTreatment):
     def __init__(self, system: System, weight: float, large: bool = False) -> None:
         super().__init__(system, weight)
         kin = self.kin = system.kinematics
-        self.closure, self._large = system.closure, large
+        self.closure = system.closure
+        self._large = large
         self._held = held = system.held_rows
         self.unknowns = kin.unknowns - self.closure.rank + len(held)
         number = np.zeros(len(system.origin_rows), dtype=np.int64)
@@ -258,7 +265,8 @@ class BoundNullSpace(BoundTreatment):
     @cached_property
     def _tree_matrix(self) -> JointByJoint:
         """From blocks by twists to the tree's coordinates."""
-        system, kin = self.system, self.kin
+        system = self.system
+        kin = self.kin
         dofs = [
             (kin.twist_of[g.vertices][:, :, None] + np.arange(6 if g.framed else 3)).reshape(
                 len(g.vertices), -1
@@ -387,8 +395,10 @@ class BoundNullSpace(BoundTreatment):
         A step's first guess is moved once only: an iteration follows.
         """
         self.trouble = None
-        kin, closure = self.kin, self.closure
-        enough, self._enough = self._enough, QUADRATIC
+        kin = self.kin
+        closure = self.closure
+        enough = self._enough
+        self._enough = QUADRATIC
         for _ in range(CLOSING):
             g = self.system.constraints.values(y1)
             gaps = [closure.violation(s, g) for s in self._chosen]
@@ -503,7 +513,8 @@ class BoundNullSpace(BoundTreatment):
 
     def matrix(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """Entries of the iteration matrix, as solved (rows and columns scaled), or unscaled."""
-        kin, tree = self.kin, self.kin.recursion
+        kin = self.kin
+        tree = self.kin.recursion
         count = len(self.system.groups)
         pairs = [np.asarray(block) for block in blocks[count:]]
         if self._turning:
@@ -543,7 +554,8 @@ class BoundNullSpace(BoundTreatment):
         self._add(self._by_tree(coordinates), self.gap_scale * multipliers)
 
     def _size(self, increment: Array) -> tuple[float, float]:
-        d, rotating = abs(increment), self.nodal.rotating
+        d = abs(increment)
+        rotating = self.nodal.rotating
         turn = float(d[rotating].max(initial=0.0))
         return max(float(np.delete(d, rotating).max(initial=0.0)) / self.system.length, turn), turn
 

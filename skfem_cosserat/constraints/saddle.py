@@ -40,7 +40,8 @@ class SaddlePoint:
         self.system = system
         n, m, g = system.n, system.m, system.constraints
         mass = full_mass(system).tocoo()
-        gi, gj = g.rows[g.inside], g.cols[g.inside]
+        gi = g.rows[g.inside]
+        gj = g.cols[g.inside]
         self._loops = system.closure.rows
         ends = n + self._loops
         self._pattern = FrozenPattern(
@@ -96,7 +97,8 @@ def nearest_velocity(system: System, y: Floats, p: Floats, t: float | None) -> F
 
     ``M v = p - G(y)^T mu``, ``G(y) v + g_t = 0`` at y (total, 3), for None ``G(y) v = 0``.
     """
-    rate, found = hidden_rate(system, y, t), None
+    rate = hidden_rate(system, y, t)
+    found = None
     if is_lattice(system):
         found = _velocity_of_lattice(system, y, p, rate)
     return saddle_point(system)(y, p, rate)[0] if found is None else found

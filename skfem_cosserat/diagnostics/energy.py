@@ -42,7 +42,8 @@ def mass_solver(system: System) -> Callable[[Floats], Floats]:
     mass = system.mass.tocsc()
     massive = mass.diagonal() > 0
     label = connected_components(mass, directed=False)[1]
-    members, present = np.bincount(label)[label], np.bincount(label, massive)[label] > 0
+    members = np.bincount(label)[label]
+    present = np.bincount(label, massive)[label] > 0
     large = np.flatnonzero(massive & (members > 8))
     factor = splu(mass[large][:, large]) if len(large) else None
     blocks = []
@@ -219,7 +220,8 @@ def strain_energy(
     1.0
     """
     Q = np.asarray(q)
-    factors, out = load_factors(system, t, amplitudes, len(Q)), np.zeros(len(Q))
+    factors = load_factors(system, t, amplitudes, len(Q))
+    out = np.zeros(len(Q))
     for group in system.beam_groups:
         out += group_energy(group, Q, system.loading.strains(group, factors))
     return out
@@ -235,7 +237,8 @@ def group_energy(group: BeamGroup, Q: Floats, free: Floats) -> Floats:
 
     `free`: strains without stress (N, ne, ng, 6).
     """
-    e, rows = group.elements, group.rows
+    e = group.elements
+    rows = group.rows
 
     return _in_parts(
         lambda some, less: stored_energy(e, _strains(e, rows, some) - less), 3 * rows.size, Q, free
@@ -292,7 +295,8 @@ def group_stretches(group: BeamGroup, Q: Floats) -> Floats:
 
     Of configurations (N, n).
     """
-    e, rows = group.elements, group.rows
+    e = group.elements
+    rows = group.rows
     axial = _in_parts(lambda some: _strains(e, rows, some, which=[2]), 3 * rows.size, Q)
     return axial[..., 0] + e.reference[..., 2]
 
@@ -333,7 +337,8 @@ def midpoint_energy(system: System, q: ArrayLike, step: float, mean: bool) -> Fl
     [1.0, 4.0]
     """
     Q, _ = as_stack(system, "q", q)
-    h, mean = step_size(step), switch("argument mean", mean)
+    h = step_size(step)
+    mean = switch("argument mean", mean)
     kinetic = kinetic_energy_of_velocity(system, np.diff(Q, axis=0) / h)
     if mean:
         stored = strain_energy(system, Q)

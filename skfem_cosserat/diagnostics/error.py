@@ -92,7 +92,8 @@ def transfer(
             raise InputError(
                 item.label, f"is not in the system before: it has {sorted(map(str, known))}"
             )
-        own, count = target.first[id(item)][1], _rows(item)
+        own = target.first[id(item)][1]
+        count = _rows(item)
         row = source.first[id(other)][1]
         part = slice(row, row + _rows(other))
         if is_beam(item) and is_beam(other):
@@ -117,7 +118,8 @@ def new_rows(source: System, target: System) -> IndexArray:
     known = {beam.name: beam for beam in source.beams}
     out = [np.zeros((0, 4), dtype=np.int64)]
     for beam in target.beams:
-        other, basis = known[beam.name], beam.basis
+        other = known[beam.name]
+        basis = beam.basis
         from ..mesh.divide import places_in
 
         e, x = places_in(other.mesh, beam.mesh, basis.interpolation.nodes)
@@ -146,10 +148,8 @@ def _beam(source: Beam, target: Beam, y: Floats, ydot: Floats) -> tuple[Floats, 
         places.at_points(a).reshape(len(a), *x.shape, 4, 3)
         for a in (y, ydot, source.reference.reshape(1, -1, 3))
     )
-    turn, spin = (
-        nearest_rotations(np.swapaxes(now[..., 1:, :], -1, -2) @ start[..., 1:, :]),
-        spins(now, rate),
-    )
+    turn = nearest_rotations(np.swapaxes(now[..., 1:, :], -1, -2) @ start[..., 1:, :])
+    spin = spins(now, rate)
     own = target.reference.reshape(-1, 4, 3)[nodes]
     moved, moving = _moved(now, rate, start, turn, spin, own)
     reference, (met, node) = source.reference.reshape(1, -1, 4, 3), _met(source, e, x)
@@ -166,7 +166,8 @@ def _beam(source: Beam, target: Beam, y: Floats, ydot: Floats) -> tuple[Floats, 
 
 def spins(now: Floats, rate: Floats) -> Floats:
     """Angular velocities (..., 3) that come nearest to the rates of directors."""
-    d, ddot = now[..., 1:, :], rate[..., 1:, :]
+    d = now[..., 1:, :]
+    ddot = rate[..., 1:, :]
     inertia = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3) - np.swapaxes(d, -1, -2) @ d
     return np.linalg.solve(inertia, np.cross(d, ddot).sum(axis=-2)[..., None])[..., 0]
 
@@ -176,7 +177,8 @@ def _moved(
 ) -> tuple[Floats, Floats]:
     """Frames (..., 4, 3) with a reference of their own that are rigid with places, their rates."""
     back = np.swapaxes(turn, -1, -2)
-    frames, rates = np.empty_like(now), np.empty_like(rate)
+    frames = np.empty_like(now)
+    rates = np.empty_like(rate)
     arm = (own[..., None, 0, :] - start[..., None, 0, :]) @ back
     frames[..., 0, :] = now[..., 0, :] + arm[..., 0, :]
     frames[..., 1:, :] = own[..., 1:, :] @ back
@@ -392,7 +394,8 @@ class SectionPlaces:
     ) -> SectionValues:
         """Positions, triads, strains and resultants at the places, see :func:`evaluate`."""
         Q = np.reshape(q, (-1, system.rows, 3))
-        beam, group = self.beam, group_of(system, self.beam)
+        beam = self.beam
+        group = group_of(system, self.beam)
         value, strain = self._at(Q[:, group.rows[group.slices[id(beam)]][self._e]])
         strain = strain - self._reference
         triad = value[:, :, 1:]
@@ -400,7 +403,8 @@ class SectionPlaces:
             triad = nearest_rotations(triad)
         from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
 
-        weights, elastic = lagrange(beam.elements.points, self._x), strain
+        weights = lagrange(beam.elements.points, self._x)
+        elastic = strain
         if factors is not None:
             free = free_strains(system, beam, factors)[:, self._e]
             elastic = strain - np.einsum("gm,kmgi->kmi", weights, free)
@@ -418,7 +422,8 @@ class SectionPlaces:
         beam, (t, amplitudes, *_) = self.beam, motion
         (found,) = element_balances(system, [beam], q, *motion, viscous=False)
         factors = load_factors(system, t, amplitudes, len(found.force))
-        strains, free = section_strains(system, beam, q), free_strains(system, beam, factors)
+        strains = section_strains(system, beam, q)
+        free = free_strains(system, beam, factors)
         return part_resultants(beam, self._e, self._x, found, strains, free)
 
 

@@ -178,7 +178,8 @@ def _missed(entering: _Input, ends: Floats) -> float:
     inside = max(INSIDE, LOOKS // len(steps))
     width = np.repeat(np.diff(ends)[steps] / inside, inside)
     t = np.repeat(ends[steps], inside) + width * np.tile(np.arange(inside) + 0.5, len(steps))
-    f, farthest = values(t), 0.0
+    f = values(t)
+    farthest = 0.0
     if entering.average is not None:
         means = [entering.average(*ends[k : k + 2]) for k in steps]
         missed = width @ abs(f[:, 0]) - np.diff(ends)[steps] @ np.abs(means)

@@ -39,7 +39,8 @@ class Reading:
 
     def gradient(self, y: Floats) -> Floats:
         """Derivatives (total, 3) of one component by all rows y (total, 3)."""
-        slope, out = self.kind.slope(self._invariants.values(y))[0, 0], np.zeros_like(y)
+        slope = self.kind.slope(self._invariants.values(y))[0, 0]
+        out = np.zeros_like(y)
         by_row = np.tensordot(slope, self._invariants.gradients(y)[0], 1)
         np.add.at(out, self._invariants.rows[0], by_row)
         return out
@@ -166,7 +167,8 @@ def relative_series(
     system: System, q: Floats, v: Floats, t: Floats, turns: ArrayLike | None
 ) -> dict[str, Floats]:
     """All relative coordinates, and forces of force elements, as a history names them."""
-    y, ydot = all_rows(system, q, t), rates(system, v, t)
+    y = all_rows(system, q, t)
+    ydot = rates(system, v, t)
     out = [
         each for joint in system.joints for each in _coordinates(system, joint, y, ydot, t, turns)
     ]

@@ -75,7 +75,8 @@ def _of_channels(
 def _place_and_vector(system: System, term: Term, y: Floats) -> tuple[Floats, Floats] | None:
     """Places (N, k, 3) and vectors of a term for a factor of one; None: it acts at no places."""
     if isinstance(term, TermForce):
-        place, value = at_place(system, y, term.place)[:, None], term.value
+        place = at_place(system, y, term.place)[:, None]
+        value = term.value
         if term.follower:
             at = system.row_of(term.place)
             return place, (value @ y[:, at + 1 : at + 4])[:, None]

@@ -99,10 +99,12 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
             " every=1",
         )
     q, _ = as_stack(system, "history", history["q"])
-    times, h = history.times, float(history.meta["step"])
+    times = history.times
+    h = float(history.meta["step"])
     half = 0.5 * h * history["constraint_force"]  # with a given momentum not that of the equations
     half[-1:] = np.nan
-    minus, plus = np.full_like(q, np.nan), np.full_like(q, np.nan)
+    minus = np.full_like(q, np.nan)
+    plus = np.full_like(q, np.nan)
     if len(q) and not history["fresh"][0]:
         plus[0] = history["carried"][0]
     turns = np.asarray(history["turns"], dtype=np.int64) if "turns" in history else None
@@ -386,7 +388,8 @@ def ground_part(system: System, y: Floats, t: float) -> Floats:
     >>> ground_part(system, system.extend(system.q0, 0.0), 0.0)[6:].round(9).tolist()
     [-2.0, 0.0, 0.0]
     """
-    y, t = as_array("y", y, system.total, 3), real("argument t", "t", t, "a time (s)")
+    y = as_array("y", y, system.total, 3)
+    t = real("argument t", "t", t, "a time (s)")
     return -hidden_rate(system, y, t)
 
 
@@ -407,8 +410,10 @@ def _nearest(system: System, q: Floats, p: Floats, t: Floats) -> Floats:
 
 def _without_massless(system: System, q: Floats, p: Floats, t: Floats) -> Floats:
     """The saddle point without the rows and columns of directors that have no mass (116)."""
-    out, left = np.zeros_like(p), massless(system)
-    kept, rows = np.flatnonzero(~left), np.flatnonzero(~rows_touching(system, left))
+    out = np.zeros_like(p)
+    left = massless(system)
+    kept = np.flatnonzero(~left)
+    rows = np.flatnonzero(~rows_touching(system, left))
     mass = full_mass(system)[kept][:, kept]
     for v, y, given, s in zip(out, all_rows(system, q, t), p, t.tolist(), strict=True):
         G = system.constraints.jacobian(y).tocsr()[rows][:, kept]
@@ -472,7 +477,8 @@ class Projection:
     def __init__(self, system: Model | System, method: ProjectionMethod = "saddle-point") -> None:
         if not isinstance(method, str) or method not in _RULES:
             raise InputError("argument method", f"{method!r}, expected one of {list(_RULES)}")
-        self.system, self.method = system_of(system), method
+        self.system = system_of(system)
+        self.method = method
         self._rule = partial(_RULES[method], self.system)
 
     def __repr__(self) -> str:
@@ -505,7 +511,8 @@ class Projection:
         """Velocities (N, n) of :meth:`stack` alone."""
         q, _ = as_stack(self.system, "q", q)
         p, _ = as_stack(self.system, "p", p, q)
-        v, known = np.full(p.shape, np.nan), np.isfinite(p).all(axis=1)
+        v = np.full(p.shape, np.nan)
+        known = np.isfinite(p).all(axis=1)
         some = slice(None) if known.all() else known
         v[some] = self._rule(q[some], p[some], as_times(t, len(q))[some])
         return v
@@ -601,8 +608,10 @@ def velocity_from_reduced(
     >>> velocity_from_reduced(system, system.q0, reduced).tolist()   # not along the rod
     [1.0, 2.0, 0.0]
     """
-    pi, y = np.atleast_2d(as_floats("reduced", reduced)), all_rows(system, q, t)
-    mass, out = full_mass(system), np.full((len(y), system.n), np.nan)
+    pi = np.atleast_2d(as_floats("reduced", reduced))
+    y = all_rows(system, q, t)
+    mass = full_mass(system)
+    out = np.full((len(y), system.n), np.nan)
     for k, s in enumerate(np.asarray(t)):
         P = null_space_matrix(system, y[k])
         if pi.shape != (len(y), P.shape[1]):
@@ -657,5 +666,6 @@ def prescribed_velocity(system: System, q: ArrayLike, t: float = 0.0) -> Floats:
     >>> v[:3].round(9).tolist(), (v[9:] + 0.0).round(9).tolist()   # of its middle; of d3
     ([0.75, 0.0, 0.0], [4.5, 0.0, 0.0])
     """
-    at, none = as_array("q", q, system.n), np.zeros(system.n)
+    at = as_array("q", q, system.n)
+    none = np.zeros(system.n)
     return nearest_velocity(system, system.extend(at, t), none, t) if system.moving else none

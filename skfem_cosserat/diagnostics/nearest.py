@@ -37,7 +37,8 @@ def rigid_pieces(system: System, joined: bool = False) -> tuple[IndexArray, list
 
     With `joined` those that fixed joints hold together are one piece.
     """
-    count, pairs = len(system.origin_rows), [np.zeros((0, 2), dtype=np.int64)]
+    count = len(system.origin_rows)
+    pairs = [np.zeros((0, 2), dtype=np.int64)]
     for group in system.beam_groups:
         first = np.broadcast_to(group.vertices[:, :1], group.vertices.shape)
         pairs.append(np.stack([first, group.vertices], axis=-1).reshape(-1, 2))
@@ -55,7 +56,8 @@ def rigid_motions(
     system: System, y: Floats, label: IndexArray, count: int
 ) -> tuple[csr_matrix, Floats]:
     """Rates (n, 6 pieces) of unit translations (scene's length) and rotations about centroids."""
-    kin, x = system.kinematics, y[system.origin_rows]
+    kin = system.kinematics
+    x = y[system.origin_rows]
     centres = np.array([x[label == k].mean(0) for k in range(count)])
     rates = np.zeros((len(x), 4, 3, 6))
     rates[:, 0, :, :3] = system.length * np.eye(3)
@@ -111,7 +113,8 @@ def free_motion(system: System, tangent: ReducedTangent) -> tuple[str, str] | No
     label, names = rigid_pieces(system)
     E, centres = rigid_motions(system, y, label, len(names))
     size = diags(np.sqrt(weights(system)).repeat(3))
-    moved, weighted = size @ P @ modes, size @ E
+    moved = size @ P @ modes
+    weighted = size @ E
     gram = (weighted.T @ weighted).tocsc()  # mass points have no rotations
     gram += SAME * largest(gram.data) * identity(gram.shape[0], format="csc")
     twists = splu(gram).solve(weighted.T @ moved)
@@ -200,7 +203,8 @@ def settled(
         sizes = [largest(missing(each)[free]) for each in (tangent, after)]
         if not sizes[1] < 0.5 * sizes[0]:  # rounding, or too far from where they are at rest
             break
-        y, tangent = moved, after
+        y = moved
+        tangent = after
     return y
 
 
@@ -278,7 +282,8 @@ def _increment(system: System, y: Floats, g: Floats) -> Floats:
 
 def _metric(system: System, y: Floats) -> csr_matrix:
     """``M + tau^2 K``: a motion of the scene's extent strains it by far more than it moves it."""
-    M, K = full_mass(system), material_stiffness(system, y)
+    M = full_mass(system)
+    K = material_stiffness(system, y)
     size = float(K.diagonal().sum())
     if not size > 0:
         return M

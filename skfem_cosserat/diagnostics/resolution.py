@@ -93,19 +93,22 @@ def resolution(system: System, history: History) -> Resolution | None:
     -------
     Resolution or None
     """
-    rows, apart = _windows(history), spread(len(history), STEPS)
+    rows = _windows(history)
+    apart = spread(len(history), STEPS)
     if not len(rows) and len(history) < ENOUGH:
         return None
     seen = rows.ravel() if len(rows) else apart
     y = _beside(system, history["q"][seen].reshape(len(seen), -1, 3), history.times[seen])
     extent = _extents(system, y)
     if len(rows):
-        y, times = y.reshape(*rows.shape, -1, 3), history.times[rows[:, -1]]
+        y = y.reshape(*rows.shape, -1, 3)
+        times = history.times[rows[:, -1]]
         moved = np.diff(y, axis=1)
         size, angle = _vibrations(y.take(system.origin_rows, axis=2))
         share = size / extent
     else:  # a vibration moves by the angle times its size
-        moved, times = _moved(system, history, apart), history.times[-1:]
+        moved = _moved(system, history, apart)
+        times = history.times[-1:]
         ways = np.square(moved.take(system.origin_rows, axis=2)).sum(axis=-1)
         angle = np.sqrt(2 * ways.mean(axis=1)) / (extent / 2)
         share = np.full(angle.shape, 0.5)
@@ -133,8 +136,10 @@ def resolution(system: System, history: History) -> Resolution | None:
 
 def _moved(system: System, history: History, rows: IndexArray) -> Floats:
     """Changes (1, k, rows, 3) in a step of some states that their velocities make."""
-    q, t = history["q"][rows], history.times[rows]
-    v, parts = Projection(system).velocities(q, history["p"][rows], t), np.array([[0.0], [1e-3]])
+    q = history["q"][rows]
+    t = history.times[rows]
+    v = Projection(system).velocities(q, history["p"][rows], t)
+    parts = np.array([[0.0], [1e-3]])
     after = parts * (np.ptp(history.times) / np.ptp(history["step"]))
     y = (q + after[:, :, None] * v).reshape(2, len(rows), -1, 3)
     return np.diff(_beside(system, y, t + after), axis=0) / parts[1]
@@ -180,7 +185,8 @@ def doubtful_steps(system: System, history: History) -> NDArray[np.bool_]:
     starts = starts[_neighbours(history)[starts[:, None] + np.arange(3)].all(1)]
     if not len(starts):
         return out
-    q, times = history["q"].reshape(len(history), -1, 3), history.times
+    q = history["q"].reshape(len(history), -1, 3)
+    times = history.times
     some = spread(len(q), STEPS)
     scale = np.full(system.rows, shares.max() ** 3 / FAR)
     scale[system.origin_rows] /= _extents(system, _beside(system, q[some], times[some]))
@@ -288,10 +294,12 @@ def _beside(system: System, y: Floats, times: Floats) -> Floats:
     """
     if not system.moving:
         return y
-    out, drives = y.copy(), {system.row_of(drive.place) - system.rows for drive in system.drives}
+    out = y.copy()
+    drives = {system.row_of(drive.place) - system.rows for drive in system.drives}
     for k in [k for k in range(4, system.grounds.rows, 4) if k not in drives][:1]:
         ground = np.array([system.ground(t)[k : k + 4] for t in times.ravel().tolist()])
-        frames, parts = ground.reshape(*times.shape, 4, 3), separate_parts(system)
+        frames = ground.reshape(*times.shape, 4, 3)
+        parts = separate_parts(system)
         tied = parts.free[parts.part] == 0
         out[..., system.origin_rows[tied[system.origin_rows]], :] -= frames[..., :1, :]
         out[..., tied, :] = out[..., tied, :] @ frames[..., 1:, :].swapaxes(-1, -2)
@@ -302,7 +310,8 @@ def _beside(system: System, y: Floats, times: Floats) -> Floats:
 
 def _neighbours(history: History) -> NDArray[np.bool_]:
     """True for pairs of successive states one whole step apart: steps to events are shorter."""
-    ways, next_to = np.diff(history.times), np.diff(history["step"]) == 1
+    ways = np.diff(history.times)
+    next_to = np.diff(history["step"]) == 1
     usual = np.median(ways[next_to]) if next_to.any() else np.nan
     return next_to & np.isclose(ways, usual, atol=0.0)
 

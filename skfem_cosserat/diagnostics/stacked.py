@@ -252,7 +252,8 @@ def balancing_multipliers(system: System, y: Floats, R: Floats) -> Floats:
     """
     if not system.m:
         return np.zeros(0)
-    rows, G = RowSpace(system, y), system.constraints.jacobian(y)
+    rows = RowSpace(system, y)
+    G = system.constraints.jacobian(y)
     out = rows.multipliers(-R)
     return out + rows.multipliers(-R - G.T @ out)
 
@@ -264,7 +265,8 @@ def congruent(P: csr_matrix, A: spmatrix) -> csr_matrix:
 
 def blocks_matrix(system: System, blocks: list[Array]) -> csr_matrix:
     """Blocks of the system's groups, then of its couplings if any, as a matrix (n, n)."""
-    xyz, pairs = np.arange(3), 3 * system.couplings.pairs[:, :, None, None]
+    xyz = np.arange(3)
+    pairs = 3 * system.couplings.pairs[:, :, None, None]
     places = [(group.dofs[:, :, None], group.dofs[:, None, :]) for group in system.groups]
     places.append((pairs[:, 0] + xyz[:, None], pairs[:, 1] + xyz))
     none = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
@@ -411,7 +413,8 @@ def constraint_frequency(system: System, q: Floats, constraint_force: Floats) ->
 def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> tuple[float, int]:
     """The frequency of :func:`constraint_frequency`, and the row of the frame that turns most."""
     rows = system.kinematics.director_rows
-    d, f = q.reshape(-1, 3)[rows], -constraint_force.reshape(-1, 3)[rows]
+    d = q.reshape(-1, 3)[rows]
+    f = -constraint_force.reshape(-1, 3)[rows]
     A = np.einsum("nia,nib->nab", f, d)
     blocks = (A + A.transpose(0, 2, 1)) / 2 - np.trace(A, 0, 1, 2)[:, None, None] * np.eye(3)
     # rates of directors for unit rotations of their frames

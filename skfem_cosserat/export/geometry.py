@@ -149,10 +149,13 @@ class BeamShape:
 
     def _number_points(self) -> None:
         """Find the `ends`, with points of their own where forces may jump, and their `origin`."""
-        conn, p = self.connectivity, self.order
-        flat, self._inner = conn[:, [0, -1]].ravel(), conn[:, 1:-1]
+        conn = self.connectivity
+        p = self.order
+        flat = conn[:, [0, -1]].ravel()
+        self._inner = conn[:, 1:-1]
         self.node_id = np.arange(len(self.offsets))
-        section, own = np.repeat(self.section, 2), self.rotations[:, [0, -1]].reshape(-1, 3, 3)
+        section = np.repeat(self.section, 2)
+        own = self.rotations[:, [0, -1]].reshape(-1, 3, 3)
         other = np.zeros(len(self.node_id), dtype=np.int64)
         other[flat] = np.arange(len(flat))
         last = other[flat]
@@ -230,7 +233,8 @@ class BeamShape:
 
     def skin(self, section: int) -> list[Floats]:
         """Outline, then holes, with points for stresses between the corners; none without one."""
-        outline, key = self.outline(section), f"beam/{self.name}/{{}}/{section}"
+        outline = self.outline(section)
+        key = f"beam/{self.name}/{{}}/{section}"
         skin = self._static.get(key.format("skin"))
         if outline is None or skin is None:
             return [] if outline is None else [outline]
@@ -296,12 +300,14 @@ class Surface:
         self.swept: list[tuple[IndexArray, Floats]] = []
         self.caps: list[IndexArray] = []
         uses = np.bincount(shape.connectivity.ravel(), minlength=len(shape.offsets))
-        quads, places = [np.zeros((0, 4), dtype=np.int64)], [np.zeros((3, 0), dtype=np.int64)]
+        quads = [np.zeros((0, 4), dtype=np.int64)]
+        places = [np.zeros((3, 0), dtype=np.int64)]
         for section, given in outlines.items():
             if not len(given):
                 continue
             loops = [given] if isinstance(given, np.ndarray) else given
-            own, skin = np.flatnonzero(shape.section == section), np.concatenate(loops, axis=-2)
+            own = np.flatnonzero(shape.section == section)
+            skin = np.concatenate(loops, axis=-2)
             self.swept.append((own, skin))
             element, *rest = np.indices((len(own), p + 1, skin.shape[-2]))
             places.append(np.reshape([own[element], *rest], (3, -1)))
@@ -405,7 +411,8 @@ def body_shapes(meta: Mapping[str, Any], static: Mapping[str, Array]) -> Iterato
     none = np.zeros((0, 3), dtype=np.int64)
     for kind, list_name in (("body", "bodies"), ("point", "points")):
         for entry in meta.get(list_name, []):
-            name, prefix = entry["name"], f"{kind}/{entry['name']}"
+            name = entry["name"]
+            prefix = f"{kind}/{entry['name']}"
             if f"{prefix}/offset" not in static:
                 raise InputError(
                     f"{kind} {name!r}", f"the history has no static array '{prefix}/offset'"

@@ -145,7 +145,8 @@ def _gauss_fields(shape: BeamShape, states: States) -> Fields:
     fields: Fields = {}
     size = (len(shape.connectivity), len(shape.gauss), 6)
     for kind, names in _PAIRS.items():
-        key, pieces = f"beam/{shape.name}/{kind}", shape.cell_pieces
+        key = f"beam/{shape.name}/{kind}"
+        pieces = shape.cell_pieces
         if key not in states:
             continue
         values = entry(states, key, size).reshape(-1, *size[:2], 2, 3)  # two vectors
@@ -222,7 +223,8 @@ class BeamLayer(Layer):
 
     @staticmethod
     def _point_fields(shape: BeamShape, states: States, reference: Floats) -> Fields:
-        x, d = shape.points(states["q"]), shape.directors(states["q"])
+        x = shape.points(states["q"])
+        d = shape.directors(states["q"])
         fields = {"x": x, "u": x - shape.points(reference)}
         if "v" in states:
             fields["v"] = shape.points(states["v"])
@@ -279,13 +281,15 @@ class SurfaceLayer(Layer):
     @staticmethod
     def _stresses(shape: BeamShape, own: IndexArray, skin: Floats, six: Floats) -> Fields:
         """Fields (k, points, ...) of elements by forces (k, ne, p + 1, 6) of all; NaN: unknown."""
-        forces, count = six[:, own], skin.shape[-2]
+        forces = six[:, own]
+        count = skin.shape[-2]
         operator = shape.stress(int(shape.section[own[0]]))
         if operator is None:
             operator = np.full((count, 3, 6), np.nan)
         flat = operator.reshape(*operator.shape[:-3], -1, 6)
         stress = (flat @ forces[..., None]).reshape(len(six), -1, 3)
-        sigma, tau = stress[..., 0], np.linalg.norm(stress[..., 1:], axis=-1)
+        sigma = stress[..., 0]
+        tau = np.linalg.norm(stress[..., 1:], axis=-1)
         fields = {"sigma": sigma, "tau": tau, "mises": np.sqrt(sigma**2 + 3 * tau**2)}
         rings = np.repeat(forces.reshape(len(six), -1, 6), count, axis=1)
         return fields | {"N": rings[..., :3], "M": rings[..., 3:]}
@@ -433,12 +437,14 @@ PACKED = 8192
 def _array(name: str, values: Array, level: int) -> tuple[str, bytes]:
     """Attributes and unit of an array (n, ...) in a file, and its packed bytes."""
     if values.dtype.kind == "U":
-        size, kind = f' NumberOfTuples="{len(values)}"', "String"
+        size = f' NumberOfTuples="{len(values)}"'
+        kind = "String"
         data = "".join(f"{text}\0" for text in values.tolist()).encode()
     else:
         size = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
         kind = {"f": "Float", "i": "Int", "u": "UInt"}[values.dtype.kind]
-        kind, data = f"{kind}{8 * values.itemsize}", values.tobytes()
+        kind = f"{kind}{8 * values.itemsize}"
+        data = values.tobytes()
     packed = zlib.compress(data, level or int(len(data) < PACKED))
     # one block, the last of whose numbers is that of bytes
     header = np.array([1, len(data), 0, len(packed)], dtype=np.uint32).tobytes()
@@ -465,7 +471,8 @@ def _text(grid: Grid, k: int, about: str, level: int) -> bytes:
         f"<FieldData>\n{about}</FieldData>\n<Piece"
         f' NumberOfPoints="{grid.points.shape[1]}" NumberOfCells="{grid.cells.count}">\n'
     ]
-    data, offset = [], 0
+    data = []
+    offset = 0
     for group, arrays in groups.items():
         text.append(f"<{group}>\n")
         for tag, packed in arrays:
@@ -732,7 +739,8 @@ class ParaViewWriter:
         grids = [layer.grid(states, self._reference) for layer in self._layers]
         written: list[Path] = []
         for k, time in enumerate(times):
-            about, written = _field("TimeValue", self._time, np.array(time)), []
+            about = _field("TimeValue", self._time, np.array(time))
+            written = []
             whole = [
                 _field(n, unit, states[n][k]) for n, unit in _OF_THE_SCENE.items() if n in states
             ]

@@ -73,7 +73,8 @@ def record_of(history: History, name: str) -> SensorRecord:
 
 def columns_of(history: History, names: Sequence[str]) -> tuple[Floats, dict[str, Array]]:
     """Instants of the rows of a table, and its columns by name: see :func:`write_csv`."""
-    sensors, times = history.sensors, history.abscissa
+    sensors = history.sensors
+    times = history.abscissa
     columns = {}
     if names and set(names) <= sensors.keys():
         columns["t"] = times = sensors[names[0]].times
@@ -303,7 +304,8 @@ class ResultTable:
             text = Path(path).read_text(encoding="utf-8")
         except OSError as error:
             raise InputError(f"file {str(path)!r}", f"cannot be read: {error.strerror}") from error
-        notes, table = {}, io.StringIO(text, newline="")
+        notes = {}
+        table = io.StringIO(text, newline="")
         start = table.tell()
         while (line := table.readline()).startswith("# "):
             name, _, value = line[2:].partition(": ")

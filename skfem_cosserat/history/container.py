@@ -171,7 +171,8 @@ class SensorRecord:
     unit: str = ""
 
     def __repr__(self) -> str:
-        t, unit = self.times, f" in {self.unit}" if self.unit else ""
+        t = self.times
+        unit = f" in {self.unit}" if self.unit else ""
         span = f", t = {t[0]:g} ... {t[-1]:g} s" if len(t) else ""
         return f"<SensorRecord: {len(t)} values of shape {self.values.shape[1:]}{unit}{span}>"
 
@@ -184,15 +185,18 @@ class SensorRecord:
 
         Second derivatives where steps differ: of first order in their difference.
         """
-        t, x = self.times, self.values
+        t = self.times
+        x = self.values
         per = {1: "/s", 2: "/s^2"}[order]
         if len(t) < order + 2:
             return SensorRecord(t, np.full(x.shape, np.nan), self.unit + per)
-        steps, unit = np.diff(t), float((t[-1] - t[0]) / (len(t) - 1))
+        steps = np.diff(t)
+        unit = float((t[-1] - t[0]) / (len(t) - 1))
         if abs(steps - unit).max() <= 1e-6 * unit:
             at = np.arange(len(t), dtype=float)  # differences of equal steps have no rounding
         else:
-            at, unit = t, 1.0
+            at = t
+            unit = 1.0
         with np.errstate(divide="ignore", invalid="ignore"):  # two instants of one time: NaN
             out = np.gradient(x, at, axis=0, edge_order=2)
         if order == 2:
@@ -356,7 +360,8 @@ class _Available(Mapping[str, Array]):
     """Series of a history by name, derived when they are asked for; one state of them, copied."""
 
     def __init__(self, history: History, row: int | None = None) -> None:
-        self._history, self._row = history, row
+        self._history = history
+        self._row = row
 
     def __getitem__(self, name: str) -> Array:
         if name not in self._history:
@@ -625,7 +630,8 @@ class History(Shown):
             about = meta.pop("segments", [{}])[k]
             if "fingerprint" in about:
                 meta["fingerprint"] = about["fingerprint"]
-            rows, systems = slice(*segments[k]), self.systems[k : k + 1]
+            rows = slice(*segments[k])
+            systems = self.systems[k : k + 1]
             part = {name: s[rows] for name, s in self._series.items()}
             self._segments[k] = History(meta, self.static, part, None, systems, self._kind)
         return self._segments[k]
@@ -688,7 +694,8 @@ class History(Shown):
 
     def summary(self) -> dict[str, Any]:
         """What it is of, how it ended, what is doubtful, and what there is to be read."""
-        meta, times = self.meta, self.abscissa[[0, -1][: len(self)]]
+        meta = self.meta
+        times = self.abscissa[[0, -1][: len(self)]]
         names: dict[str, str] = {}
         for group, _, own in (name.rpartition("/") for name in self):
             names[group] = f"{names[group]}, {own}" if group in names else own

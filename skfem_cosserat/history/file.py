@@ -172,7 +172,8 @@ def check_basic(names: Mapping[str, Any], item: str) -> None:
 # was half written, it says how the next reader takes that back. A reader keeps a writer waiting,
 # and a writer a reader.
 
-_APPLICATION, _VERSION = 0x5C055E7A, 1
+_APPLICATION = 0x5C055E7A
+_VERSION = 1
 _TABLES = f"""
 PRAGMA page_size = 8192;  -- most arrays are larger than the usual 4096 bytes
 PRAGMA synchronous = OFF;  -- a killed process loses nothing that was handed to the system
@@ -282,7 +283,8 @@ class FileWriter:
         """
         rows = []
         for name, array in arrays.items():
-            shape, data = str([*array.shape[1:]]), array.tobytes()
+            shape = str([*array.shape[1:]])
+            data = array.tobytes()
             columns = (kind, name, first, len(array), array.dtype.str, shape)
             rows.append((*columns, _crc(columns, data), data))
         with _os_errors(), self._db as db:
@@ -420,7 +422,8 @@ class _Scan:
 
     def _list(self, db: sqlite3.Connection, limit: int) -> None:
         """Take down all arrays, as far as they can be read, of a file of so many bytes."""
-        count, at = db.execute("SELECT max(seq) FROM sqlite_sequence").fetchone()[0] or 0, 0
+        count = db.execute("SELECT max(seq) FROM sqlite_sequence").fetchone()[0] or 0
+        at = 0
         while at < min(count, limit):
             try:
                 for *row, size in db.execute(_LIST, [at]):
@@ -454,7 +457,8 @@ class _Scan:
         blocks: dict[int, dict[str, _Piece]] = {}
         for piece in self.of(kind):
             blocks.setdefault(piece.first, {})[piece.name] = piece
-        names, sound = max((block.keys() for block in blocks.values()), key=len, default=()), []
+        names = max((block.keys() for block in blocks.values()), key=len, default=())
+        sound = []
         for first, block in sorted(blocks.items()):
             if block.keys() == names and _is_sound(kind, block):
                 sound.append(block)
@@ -469,7 +473,8 @@ class _Scan:
             raise HistoryError(self.item, "damaged: its head is gone, nothing can be recovered")
         for piece in self.of("head", "note", "tail"):
             meta = {**meta, **json.loads(piece.array(db).tobytes())}
-        segments, events = meta.get("segments", []), meta.get("events", [])
+        segments = meta.get("segments", [])
+        events = meta.get("events", [])
         if any(type(each["row"]) is not int for each in [*segments, *events]):
             raise ValueError("rows of segments and events")
         for event in events:
@@ -496,7 +501,8 @@ class _Scan:
             self._blame(f"states {missing} are missing")
         if not self._problem:
             return
-        t, lost = np.concatenate([np.zeros(0), *(piece.array(db) for piece in times)]), []
+        t = np.concatenate([np.zeros(0), *(piece.array(db) for piece in times)])
+        lost = []
         for k, (first, last) in zip(gaps, missing, strict=True):
             near = " and ".join(f"{time:.6g}" for time in t[max(k - 1, 0) : k + 1])
             lost.append(f"states {first} to {last} (next to t = {near or 'none'})")
@@ -586,7 +592,8 @@ def load_file(
     HistoryError
         If the file is no history, or damaged; and when a series is read that is damaged.
     """
-    path, recover = file_path("argument path", path), switch("argument recover", recover)
+    path = file_path("argument path", path)
+    recover = switch("argument recover", recover)
     scan = _Scan(path, recover)
     with _opened(path, recover) as db:
         static = {piece.name: piece.array(db)[0].copy() for piece in scan.of("static")}

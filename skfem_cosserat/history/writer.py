@@ -255,7 +255,8 @@ class HistoryWriter:
                 self._file.append(kind, first, arrays)
             except OSError as error:  # from now on all is kept in memory
                 self._file.close()
-                self._file, self._failure = None, error
+                self._file = None
+                self._failure = error
         return self._file is not None
 
     def _say(self) -> None:
@@ -263,7 +264,8 @@ class HistoryWriter:
         if self._failure is None:
             return
         assert self._path is not None
-        reason, self._failure = self._failure, None
+        reason = self._failure
+        self._failure = None
         history = self.history()
         advice = (
             f"; {self._stored} states are in the file, all states in .history of this error:"

@@ -201,7 +201,8 @@ class Block(Sequence["StepReport"]):
         return (StepReport(self, k) for k in range(len(self)))
 
     def __repr__(self) -> str:
-        index, time = self.start.index + len(self), self.times[-1]
+        index = self.start.index + len(self)
+        time = self.times[-1]
         steps = "1 step" if len(self) == 1 else f"{len(self)} steps"
         return f"<Block: {steps} to step {index}, t = {time:g} s>"
 
@@ -263,7 +264,8 @@ class StepReport:
     number: int
 
     def __repr__(self) -> str:
-        end, name = self.state, type(self).__name__
+        end = self.state
+        name = type(self).__name__
         return f"<{name}: to step {end.index}, t = {end.time:g} s, {self.iterations} iterations>"
 
     @property
@@ -324,13 +326,15 @@ class StepReport:
     @property
     def y1(self) -> Floats:
         """All rows (total, 3) at its end."""
-        q, ground = self.block.q[self.number], self.block.ground[self.number]
+        q = self.block.q[self.number]
+        ground = self.block.ground[self.number]
         return np.concatenate([q.reshape(-1, 3), ground])
 
     @property
     def momentum(self) -> Floats:
         """Momentum ``p_n`` (n,) of the discrete Legendre transform at the *start* of the step."""
-        node, state = self.integrator.carries_node_momentum, self.start
+        node = self.integrator.carries_node_momentum
+        state = self.start
         if self.block.by_motion and not node:  # nothing along G^T changes the velocity
             return nearest_momentum(self.system, self.constraint_point, state.p, state.time)
         if state.fresh or node:
@@ -465,7 +469,8 @@ def forces_between(before: StepReport | None, block: Block) -> Floats:
     """
     if block.by_motion:
         return np.array([step.constraint_force for step in block])
-    integrator, weight = block.integrator, block.integrator.constraint_weight
+    integrator = block.integrator
+    weight = block.integrator.constraint_weight
     last = block[0] if before is None else before
     sizes = np.append(last.step, block.sizes)[:, None]
     impulses = np.concatenate([last.impulse[None], block.impulse])

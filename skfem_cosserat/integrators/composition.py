@@ -96,7 +96,8 @@ class Composition(Integrator):
         limit, longest = part.frequency_limit, max(abs(share) for share in half)
         self.frequency_limit = None if limit is None else limit / longest
         self.fixed_step = part.fixed_step
-        self.advice, self.conserves = part.advice, part.conserves
+        self.advice = part.advice
+        self.conserves = part.conserves
         self.keeping = part.keeping
         source = {
             4: "Suzuki, Phys. Lett. A 146 (1990) 319",

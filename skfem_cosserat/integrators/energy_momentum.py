@@ -125,7 +125,8 @@ class Flow:
         self.parts, self.dq, self.y0, self.h, self.chi = parts, dq, y0, h, chi
         self.mdq = parts.system.mass @ dq
         b = chi * p0 + self.mdq / h
-        self._total, self._lift = parts.total, parts.lift[:, None]
+        self._total = parts.total
+        self._lift = parts.lift[:, None]
         self._free = parts.free[:, None]
         self._drift = self._free * self._origins(self.mdq) / h
         self._mean = self._free * self._origins(b)
@@ -144,7 +145,8 @@ class Flow:
         A part whose relative motion is rounding, as at the first guess of a step, is not turned at
         all, nor is its way on from there, and nothing it does changes the others.
         """
-        parts, rest = self.parts, self._rest
+        parts = self.parts
+        rest = self._rest
         # products with what is common to all positions cancel
         shift = self._free * parts.sum(parts.mu[:, None] * self.dq) / self._total[:, None]
         dq = self.dq - parts.ones[:, None] * shift[parts.part]
@@ -216,7 +218,8 @@ class Flow:
         straight = np.einsum("kr,kci->kirc", free * parts.lift, unit - self.A) * (2 / self.h)
         bent = 2 * np.einsum("kr,rd,kicd->kirc", mine, self._rest, dA)
         U = np.concatenate([straight, bent], axis=1).reshape(-1, len(part), 3)
-        lines, turns = free[:, None, :, None] * parts.mu[:, None] * unit[:, None], Q.swapaxes(0, 1)
+        lines = free[:, None, :, None] * parts.mu[:, None] * unit[:, None]
+        turns = Q.swapaxes(0, 1)
         V = np.concatenate([lines, mine[:, None, :, None] * turns], axis=1).reshape(U.shape)
         used = (abs(U).max((1, 2), initial=0.0) > 0) & (abs(V).max((1, 2), initial=0.0) > 0)
         return U[used], V[used]
@@ -253,7 +256,8 @@ class DecayingBalance(StepBalance):
     def tangent(self, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """Blocks of the tangent, with ``2 A/h`` in place of ``2/h`` for the inertia."""
         assert isinstance(evaluation, _WithFlow)
-        blocks, flow = super().tangent(step, evaluation), evaluation.flow
+        blocks = super().tangent(step, evaluation)
+        flow = evaluation.flow
         # 2 A/h takes the place of 2/h
         more = (2 / self.h) * (flow.A - np.eye(3))
         part = flow.parts.part
@@ -281,10 +285,12 @@ class DecayingBalance(StepBalance):
         """Work of a solved step, with the energy that the extra velocity takes."""
         assert isinstance(evaluation, _WithFlow)
         assert step.rates0 is not None
-        done, flow = super().work(step, evaluation), evaluation.flow
+        done = super().work(step, evaluation)
+        flow = evaluation.flow
         f = flow.dq / self.h - flow.velocity(step.rates0[0])
         lost = 2 * float((f * (flow.momentum - step.p0)).sum())
-        whole, own = done.dissipated + lost, done.numerical + lost
+        whole = done.dissipated + lost
+        own = done.numerical + lost
         return done._replace(dissipated=whole, numerical=own)
 
 

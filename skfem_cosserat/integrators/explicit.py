@@ -96,7 +96,8 @@ class Bodies:
         the centre of mass stays as it is.
         """
         x = y.take(self.rows, axis=0)
-        P, spin = m[self.number, 0], m[self.number, 1]
+        P = m[self.number, 0]
+        spin = m[self.number, 1]
         arm = (self.centre[:, None] @ x[:, 1:])[:, 0]
         spin = spin - cross(arm, P)
         x[:, 0] += arm + (dt / self.matrix[:, 0, :1]) * P
@@ -115,7 +116,8 @@ class Bodies:
         for axis, rates in ((1, rest), (2, along), (1, rest)):
             angles = np.outer(rates * spin[:, axis, 0], np.eye(3)[axis])
             each = rotation_matrix(exp_quaternion(-angles))
-            spin, turn = each @ spin, each @ turn
+            spin = each @ spin
+            turn = each @ turn
         return turn
 
     def by_twists(self, y: Floats) -> tuple[Floats, Floats]:
@@ -143,7 +145,8 @@ class Joints:
     """
 
     def __init__(self, system: System, bodies: Bodies) -> None:
-        self._constraints, first = system.constraints, system.internal
+        self._constraints = system.constraints
+        first = system.internal
         ends = np.array([(jr.a.vertex, jr.b.vertex) for jr in system.joint_rows], dtype=np.int64)
         self.bodies = bodies.taken(np.intersect1d(ends, bodies.number))
         place = np.zeros(system.total + 1, dtype=np.int64)
@@ -186,7 +189,8 @@ class Joints:
 
         With impulses along the gradients at the start.
         """
-        rows, v = self.bodies.rows, self.bodies.number
+        rows = self.bodies.rows
+        v = self.bodies.number
         G, _, impulses = self._gradients(y)
         places, begin, last = y[rows], m[v], np.inf
         impulse = np.zeros(len(self._size))
@@ -226,7 +230,8 @@ class Nodes:
     """
 
     def __init__(self, system: System) -> None:
-        framed, count = system.is_frame, len(system.origin_rows)
+        framed = system.is_frame
+        count = len(system.origin_rows)
         rows = np.full((count, 4), system.total)
         rows[:, 0] = system.origin_rows
         rows[framed] = system.origin_rows[framed, None] + np.arange(4)
@@ -234,7 +239,8 @@ class Nodes:
         mass.resize(system.total + 1, system.total + 1)
         i, j = np.broadcast_arrays(rows[:, :, None], rows[:, None])
         matrix = np.asarray(mass[i.ravel(), j.ravel()]).reshape(i.shape)
-        whole, centre = matrix[:, 0, 0], matrix[:, 0, 1:] / matrix[:, :1, 0]
+        whole = matrix[:, 0, 0]
+        centre = matrix[:, 0, 1:] / matrix[:, :1, 0]
         euler = matrix[:, 1:, 1:] - whole[:, None, None] * centre[:, :, None] * centre[:, None]
         inertia = np.trace(euler, axis1=1, axis2=2)[:, None, None] * np.eye(3) - euler
         moments, axes = np.linalg.eigh(inertia)
@@ -267,7 +273,8 @@ class Nodes:
         """P and L (nv, 2, 3) of director momenta (rows, 3): all of them that moves rigid nodes."""
         every = np.zeros_like(y)
         every[: len(f)] = f
-        own, rows = every[self.bodies.rows], self.bodies.rows
+        own = every[self.bodies.rows]
+        rows = self.bodies.rows
         own[:, 1] = director_force(y[rows[:, 1:]], own[:, 1:])
         return own[:, :2]
 
@@ -474,7 +481,8 @@ def _by_twist(group: BeamGroup, y: Array) -> tuple[BeamElements, Floats, Floats,
 
     Twists are velocities and angular velocities of the nodes, k = 6 nn.
     """
-    q, elements = y[group.rows].reshape(len(group.rows), -1), group.elements
+    q = y[group.rows].reshape(len(group.rows), -1)
+    elements = group.elements
     eps, B = beam_strain(elements, q)
     P = null_space_blocks(q.reshape(len(q), -1, 4, 3)[:, :, 1:])
     M = P.transpose(0, 2, 1) @ group.mass @ P
@@ -489,7 +497,8 @@ def _reduced(weighted: Floats, B: Floats, root: Floats) -> Floats:
 def _rates(group: BeamGroup, y: Array) -> Floats:
     """Squares of the highest frequencies and rates of decay (2, ne) of elements."""
     elements, eps, B, root = _by_twist(group, y)
-    out, moduli = np.zeros((2, len(eps))), beam_moduli(elements, eps)
+    out = np.zeros((2, len(eps)))
+    moduli = beam_moduli(elements, eps)
     for rates, weighted in zip(out, (moduli, elements.weighted_viscosity), strict=True):
         if weighted is not None:
             rates[:] = np.linalg.eigvalsh(_reduced(weighted, B, root))[:, -1].clip(0)
@@ -654,7 +663,8 @@ class Marching:
         if self._last is not None and self._last[0] is state.q and self._last[1] is state.p:
             elements = self._last[2]
         for k in range(self.rounds):
-            t0, y0 = state.time + k * h, y[:-1].copy()
+            t0 = state.time + k * h
+            y0 = y[:-1].copy()
             loads = Amplitudes(system.loading.averages(t0, t0 + h), np.zeros(0))
             start = couplings.begin(y0, turns, t0, h) if couplings.count else None
             rates = self._velocities(y)(m)
@@ -663,7 +673,8 @@ class Marching:
             m += 0.5 * h * self.nodes.momenta(y, first.force)
             drifts = self.nodes.drift(y, m, h)
             last, kicks = self._kick(y, m, h, loads, start)
-            elements, iterations = last.elements, max(iterations, drifts, kicks)
+            elements = last.elements
+            iterations = max(iterations, drifts, kicks)
             moved = float(((first.loads + last.loads) * (y[:rows] - y0[:rows])).sum())
             works.append(StepWork(0.5 * moved, dissipated=0.5 * h * (first.power + last.power)))
             if start is not None and first.coupled is not None and last.coupled is not None:
@@ -685,7 +696,8 @@ class Marching:
         elastic = [group.stress(eps) for group, eps, _ in strains]
 
         def at(rates: Floats) -> tuple[Floats, float]:
-            stresses, power = list(elastic), 0.0
+            stresses = list(elastic)
+            power = 0.0
             for k, (group, _, B) in enumerate(strains):
                 if group.viscous:
                     rate = group.strain_rate(B, rates)
@@ -706,7 +718,8 @@ class Marching:
         """All forces at an end of a round, loads by their means over it."""
         system, (internal, power), coupled = self.system, elements, None
         loads = external_force(system, y[:-1], amplitudes)
-        force, v = internal + loads, rates[: system.rows]
+        force = internal + loads
+        v = rates[: system.rows]
         if start is not None:
             coupled = system.couplings.static(start, y[:-1], rates[:-1])
             force = force - coupled.force[: system.rows]
@@ -726,7 +739,8 @@ class Marching:
         self, y: Floats, m: Floats, h: float, loads: Amplitudes, start: CoupledStart | None
     ) -> tuple[Ends, int]:
         """Kick by one half, in place, such that the velocity is that after it."""
-        elements, velocities = self._elements(y), self._velocities(y)
+        elements = self._elements(y)
+        velocities = self._velocities(y)
 
         def kicked(at: Floats) -> tuple[Ends, Floats]:
             rates = velocities(at)
@@ -737,7 +751,8 @@ class Marching:
         if not self._viscous:
             m[:] = after
             return ends, 0
-        project, last = self.nodes.projection(y), np.inf
+        project = self.nodes.projection(y)
+        last = np.inf
         for k in range(1, ITERATIONS + 1):
             project(after)
             ends, new = kicked(after)
@@ -749,7 +764,8 @@ class Marching:
             if left <= SAME or 0.5 * last < left <= TOLERANCE:
                 m[:] = after + change
                 return ends, k
-            after, last = after + self._relaxed * change, left
+            after = after + self._relaxed * change
+            last = left
         raise Unclosed("the velocity that dampers leave after a kick was not found", last)
 
 

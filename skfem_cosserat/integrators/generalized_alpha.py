@@ -81,7 +81,8 @@ class GeneralizedAlpha(Integrator):
             raise InputError("argument rho_inf", f"{rho_inf!r}, expected {expected}")
         self.stabilized = switch("argument stabilized", stabilized)
         r = self.rho_inf
-        self.alpha_m, self.alpha_f = (2 * r - 1) / (r + 1), r / (r + 1)
+        self.alpha_m = (2 * r - 1) / (r + 1)
+        self.alpha_f = r / (r + 1)
         self.gamma = 0.5 + self.alpha_f - self.alpha_m
         self.beta = 0.25 * (self.gamma + 0.5) ** 2
         if not stabilized:
@@ -108,7 +109,8 @@ class GeneralizedAlpha(Integrator):
         table = [v, a, alpha]
         if self.stabilized:
             table = [np.append(row, 0.0) for row in (v, a, alpha, v)]
-        v, a = table[0], table[1]
+        v = table[0]
+        a = table[1]
         own = Scheme(
             h * a[0],
             0.0,
@@ -141,7 +143,8 @@ class GeneralizedAlpha(Integrator):
 
     def _rates(self, system: System, state: State, h: float) -> Floats:
         """v, a, and the acceleration ``(alpha_f - alpha_m) h`` earlier, at a start (3, n)."""
-        q, t = state.q, state.time
+        q = state.q
+        t = state.time
         y = system.extend(q, t)
         v = nearest_velocity(system, y, state.p, t)
         a = accelerations(system, q, v, t, state.turns)[0]

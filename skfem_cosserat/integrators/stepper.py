@@ -47,8 +47,10 @@ class StepProblem:
     def __init__(
         self, balance: StepBalance, treatment: BoundTreatment, step: StepData, mixed: float
     ) -> None:
-        self.balance, self.system = balance, balance.system
-        self.treatment, self.step = treatment, step
+        self.balance = balance
+        self.system = balance.system
+        self.treatment = treatment
+        self.step = step
         self.evaluation: Evaluation | None = None
         self._mixed = mixed
         self._stresses: list[Array] | None = None
@@ -76,7 +78,8 @@ class StepProblem:
 
     def _updated(self, direction: Floats, U: Array, V: Array) -> Floats:
         """Direction of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)."""
-        treatment, y = self.treatment, self.y1
+        treatment = self.treatment
+        y = self.y1
         columns = [treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U]
         moved = [treatment.displacement(x, y) for x in (*columns, direction)]
         products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
@@ -246,7 +249,8 @@ class Stepper:
         self.bound: BoundTreatment = treatment.bind(system, integrator.single.constraint_weight)
         if solver is not None:
             self.bound.solve_with(solver)
-        self._first, self._warned = True, False
+        self._first = True
+        self._warned = False
         self._left_in_a_row = 0
         self._end: tuple[Floats, Evaluation] | None = None  # of the last step: q, what was found
         self.choice = choose_kernels(kernels, system, integrator, treatment, steps, solver)
@@ -357,7 +361,8 @@ class Stepper:
                     f"{self.integrator!r} with another step", "its steps are fixed"
                 )
             new, iterations, residual, work = self._march.advance(state, time)
-            new, impulse = replace(new, made_by=origin), np.zeros(self.system.n)
+            new = replace(new, made_by=origin)
+            impulse = np.zeros(self.system.n)
             steps = self.system, self.integrator, state, new, h, self.system.ground(time), impulse
             return Block.of_one(*steps, work, iterations, 1, residual, by_motion=True)
         step = self._compose if self.integrator.shares else self.attempts
@@ -457,7 +462,8 @@ class Stepper:
             if len(times):
                 block = fast.advance(state, times, StepOrigin(self.integrator.name, h))
                 if block is not None:
-                    self._first, self._left_in_a_row = False, 0
+                    self._first = False
+                    self._left_in_a_row = 0
                     return block
                 state = replace(state, plain=True)
         return self._step(state, float(ends(state.index + 1)), h)
@@ -498,7 +504,8 @@ class Stepper:
         Compiled kernels come first. Where they do not converge, or a singular position is near, the
         general way begins in four ways, until a solution is one that the motion leads to.
         """
-        of, step = self._sized(h), None
+        of = self._sized(h)
+        step = None
         fast = of.fast
         if fast is not None:
             if fast.looped and fast.due(state, self.bound):
@@ -511,7 +518,8 @@ class Stepper:
                     missed, residual = fast.missed > 1e-4 * BROKEN, float(block.residual[0])
                     if missed and (wrong := self._contradiction(state, h, fast.y1, residual)):
                         return wrong
-                    self._first, self._left_in_a_row = False, 0
+                    self._first = False
+                    self._left_in_a_row = 0
                     return block
             # the general way tries again from there
             of.last = None if fast.last is None else (h, fast.last)
@@ -648,7 +656,8 @@ class Stepper:
 
     def _turned(self, step: StepData) -> str | None:
         """That a frame turns fast at the start of the step, where its velocity is known."""
-        system, state = self.system, step.state
+        system = self.system
+        state = step.state
         try:
             v = nearest_velocity(system, step.y0, state.p, state.time)
         except (SingularMatrixError, ArithmeticError, ValueError):
@@ -681,7 +690,8 @@ class Stepper:
     ) -> Block:
         step, evaluation, y1 = problem.step, problem.evaluation, problem.y1
         assert evaluation is not None
-        finished, state = of.balance.finish(step, evaluation), step.state
+        finished = of.balance.finish(step, evaluation)
+        state = step.state
         of.last = of.h, self.bound.moved
         if of.fast is not None:
             of.fast.resume(self.bound.moved)
@@ -703,7 +713,8 @@ class Stepper:
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation
         steps = self.system, self.integrator.single, state, new, of.h
-        ground, counts = y1[self.system.rows :], (iterations, attempts, report.residual)
+        ground = y1[self.system.rows :]
+        counts = (iterations, attempts, report.residual)
         return Block.of_one(*steps, ground, impulse, finished.work, *counts)
 
     def _count_left(self, state: State) -> None:
@@ -744,7 +755,8 @@ class Stepper:
             report = self.advance(state)
         finally:
             of.fast = fast
-        step, bound = of.balance.begin(state), self.bound
+        step = of.balance.begin(state)
+        bound = self.bound
         problem = self.problem(step)
         problem.residual()
         assert problem.evaluation is not None

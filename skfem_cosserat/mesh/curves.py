@@ -117,7 +117,8 @@ class _Winding(Frozen):
 
     def _wind(self, radial: Floats, around: Floats, axis: Floats, rise: float) -> None:
         """Set the unit vectors from the axis to the first point, around it and along it."""
-        self._frame, self._rise = (radial, around, axis), rise
+        self._frame = (radial, around, axis)
+        self._rise = rise
         self._reach = float(np.hypot(self.radius, rise))  # for a turn of one rad
 
     def point(self, s: ArrayLike) -> Floats:
@@ -133,7 +134,8 @@ class _Winding(Frozen):
         """Unit tangents (3, ...) at arc lengths s (...)."""
         turn = np.asarray(s, dtype=float) / self._reach
         radial, around, axis = self._frame
-        speed, rise = self.radius / self._reach, np.full(turn.shape, self._rise / self._reach)
+        speed = self.radius / self._reach
+        rise = np.full(turn.shape, self._rise / self._reach)
         return (
             np.multiply.outer(around, speed * np.cos(turn))
             + np.multiply.outer(radial, -speed * np.sin(turn))
@@ -233,7 +235,8 @@ class CurveHelix(_Winding):
         self.start = vector(start, "helix start")
         self.axis = _unit(axis, "helix axis")
         self.centre = vector(centre, "helix centre")
-        self.pitch, self.turns = pitch, turns
+        self.pitch = pitch
+        self.turns = turns
         arm = self.start - self.centre
         arm = arm - (arm @ self.axis) * self.axis
         self.radius = float(np.linalg.norm(arm))
@@ -347,7 +350,8 @@ class CurveSpline(Frozen):
 
     def _measure(self, u: Floats) -> None:
         """Tabulate the arc length, on intervals halved until it no longer changes."""
-        grid, arcs = u, self._arc(u[:-1], u[1:])
+        grid = u
+        arcs = self._arc(u[:-1], u[1:])
         pieces = 1
         while pieces < 256:
             finer = np.concatenate(

@@ -93,9 +93,11 @@ def divided(mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = 
 
 def _along(mesh: MeshCurve, run: IndexArray, places: Floats) -> tuple[Floats, Floats]:
     """Spans (n,) of arc lengths from the start of a run, and points (3, n - 2) between its ends."""
-    w, curve = places / places[-1], int(mesh.curve_ids[run[0]])
+    w = places / places[-1]
+    curve = int(mesh.curve_ids[run[0]])
     if curve < 0:
-        a, b = mesh.p[:, mesh.t[0, run[0]]], mesh.p[:, mesh.t[1, run[-1]]]
+        a = mesh.p[:, mesh.t[0, run[0]]]
+        b = mesh.p[:, mesh.t[1, run[-1]]]
         return places, (np.outer(a, 1 - w) + np.outer(b, w))[:, 1:-1]
     spans = mesh.spans[0, run[0]] * (1 - w) + mesh.spans[1, run[-1]] * w
     return spans, np.asarray(mesh.curves[curve].point(spans))[:, 1:-1]
@@ -120,8 +122,10 @@ def _counts(mesh: MeshCurve, lines: Sequence[tuple[IndexArray, Floats]], total: 
 
 def _runs(mesh: MeshCurve) -> list[IndexArray]:
     """Elements that follow each other on one line without anything between them."""
-    ne, t = mesh.nelements, mesh.t
-    first, second = np.arange(ne - 1), np.arange(1, ne)
+    ne = mesh.nelements
+    t = mesh.t
+    first = np.arange(ne - 1)
+    second = np.arange(1, ne)
     joined = t[1, :-1] == t[0, 1:]
     joined &= np.bincount(t.ravel(), minlength=mesh.p.shape[1])[t[1, :-1]] == 2
     named = np.zeros(mesh.p.shape[1], dtype=bool)
@@ -180,10 +184,8 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
     ([[0, 0], [1, 1], [1, 1]], [[0.0, 1.0], [0.0, 0.5], [0.5, 1.0]])
     """
     ends, starts = (np.append(0.0, np.cumsum(m.lengths)) for m in (mesh, other))
-    total, same = (
-        ends[-1],
-        abs(ends[-1] - starts[-1]) <= POSITION_TOLERANCE * max(ends[-1], starts[-1]),
-    )
+    total = ends[-1]
+    same = abs(ends[-1] - starts[-1]) <= POSITION_TOLERANCE * max(ends[-1], starts[-1])
     if not same:
         raise MeshError(
             "mesh", f"its lines are {starts[-1]:.9g} m long, of the mesh before {total:.9g} m"

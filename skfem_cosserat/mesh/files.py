@@ -74,7 +74,8 @@ class Groups:
 def physical_names(text: bytes) -> dict[tuple[int, int], str]:
     """Names of physical groups by (dimension, tag); this section is text even in binary files."""
     names: dict[tuple[int, int], str] = {}
-    start, end = text.find(b"$" + _NAMES.encode()), text.find(b"$End" + _NAMES.encode())
+    start = text.find(b"$" + _NAMES.encode())
+    end = text.find(b"$End" + _NAMES.encode())
     if start < 0 or end < 0:
         return names
     for row in text[start:end].decode("utf-8", errors="replace").splitlines()[2:]:
@@ -95,7 +96,8 @@ def group_name(names: Mapping[tuple[int, int], str], dim: int, tag: int) -> str:
 def _section(rows: list[str], name: str) -> Iterator[str]:
     """Words of a section, one after the other."""
     try:
-        start, end = rows.index(f"${name}"), rows.index(f"$End{name}")
+        start = rows.index(f"${name}")
+        end = rows.index(f"$End{name}")
     except ValueError:
         raise ValueError(f"has no complete section ${name}") from None
     return iter(" ".join(rows[start + 1 : end]).split())
@@ -247,13 +249,15 @@ def _rows41(
     """Sections of a 4.1 file: one curve for each combination of beams."""
     named = [v for v, tags in enumerate(in_nodes) if tags]
     curves = {tags: k for k, tags in enumerate(dict.fromkeys(in_beams), start=1)}
-    low, high = _numbers(points.min(axis=1)), _numbers(points.max(axis=1))
+    low = _numbers(points.min(axis=1))
+    high = _numbers(points.max(axis=1))
     rows = ["$Entities", f"{len(named)} {len(curves)} 0 0"]
     for k, v in enumerate(named, start=1):
         rows.append(f"{k} {_numbers(points[:, v])} {_counted(in_nodes[v])}")
     for tags, k in curves.items():
         rows.append(f"{k} {low} {high} {_counted(tags)} 0")
-    nv, runs = points.shape[1], _runs(in_beams)
+    nv = points.shape[1]
+    runs = _runs(in_beams)
     rows += ["$EndEntities", "$Nodes", f"1 {nv} 1 {nv}", f"1 1 0 {nv}"]
     rows += [str(v + 1) for v in range(nv)]
     rows += [_numbers(point) for point in points.T]
@@ -366,7 +370,8 @@ def _read_lines(file: Path) -> LineData:
     if _is_gmsh41(content, b"0"):
         found = read_gmsh41(content)
         _check_cells(found.cells)
-        beams, nodes = _arrays(found.beams), _arrays(found.nodes)
+        beams = _arrays(found.beams)
+        nodes = _arrays(found.nodes)
         return _cleaned(found.points, np.concatenate(found.lines), beams, nodes, found.other)
     mesh = _meshio(file, content)
     lines = lines_of(mesh, physical_names(content))
@@ -400,7 +405,8 @@ def _in_space(points: Array) -> Floats:
 
 def lines_of_skfem(mesh: Any, edges: str | ArrayLike | None) -> LineData:
     """Lines, or edges, of a mesh of scikit-fem."""
-    dimension, named = mesh.dim(), mesh.boundaries or {}
+    dimension = mesh.dim()
+    named = mesh.boundaries or {}
     beams, nodes = (dict(mesh.subdomains or {}), named) if dimension == 1 else (named, {})
     if dimension == 3:
         beams = {}
@@ -647,7 +653,8 @@ def _write_vtk(
             raise MeshError(f"name {name!r}", "cannot be written to a VTU file: quotes, <, > or &")
         if kind == "vtk" and " " in name:
             raise MeshError(f"name {name!r}", "has a space, which a .vtk file cannot hold: .vtu")
-    ne, nv = lines.t.shape[1], lines.points.shape[1]
+    ne = lines.t.shape[1]
+    nv = lines.points.shape[1]
     cells = {BEAM + k: np.isin(np.arange(ne), v).astype(np.int32) for k, v in lines.beams.items()}
     points = {NODE + k: np.isin(np.arange(nv), v).astype(np.int32) for k, v in lines.nodes.items()}
     mesh = meshio.Mesh(

@@ -78,8 +78,10 @@ class MappingCurve(SkfemMapping):
         mesh = self.mesh
         out = np.empty((3, *xi.shape))
         for c, rows in _by_curve(mesh.curve_ids[elements]):
-            e, x = elements[rows], xi[rows]
-            a, b = mesh.p[:, mesh.t[0, e], None], mesh.p[:, mesh.t[1, e], None]
+            e = elements[rows]
+            x = xi[rows]
+            a = mesh.p[:, mesh.t[0, e], None]
+            b = mesh.p[:, mesh.t[1, e], None]
             if c < 0:
                 chord = (b - a) / mesh.lengths[e][:, None]
                 out[:, rows] = chord + 0.0 * x if tangent else (1.0 - x) * a + x * b
@@ -169,13 +171,16 @@ def _by_curve(ids: IndexArray) -> Iterator[tuple[int, IndexArray]]:
 
 def halved_arrays(mesh: MeshCurve, marked: IndexArray) -> dict[str, Any]:
     """Fields of a mesh whose marked elements are halved; children take their parent's place."""
-    ne, nv = mesh.nelements, mesh.p.shape[1]
+    ne = mesh.nelements
+    nv = mesh.p.shape[1]
     halves = np.ones(ne, dtype=np.int64)
     halves[marked] = 2
     parent = np.repeat(np.arange(ne), halves)
     first = np.cumsum(halves) - halves
-    t, spans = mesh.t[:, parent].copy(), mesh.spans[:, parent].copy()
-    left, right = first[marked], first[marked] + 1
+    t = mesh.t[:, parent].copy()
+    spans = mesh.spans[:, parent].copy()
+    left = first[marked]
+    right = first[marked] + 1
     t[1, left] = t[0, right] = nv + np.arange(len(marked))
     spans[1, left] = spans[0, right] = mesh.spans[:, marked].mean(axis=0)
     points = mesh.p
@@ -255,7 +260,8 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
         _check_welds(mesh, number, limit)
         new = number < 0
         final[start:stop][new] = number[new] = total + np.arange(new.sum())
-        total, start = total + int(new.sum()), stop
+        total = total + int(new.sum())
+        start = stop
         kept.append(mesh.p[:, new])
         numbers.append(number)
     shifts = np.cumsum([0] + [len(m.curves) for m in meshes])
@@ -390,7 +396,8 @@ class MeshCurve(Frozen, MeshLine1):
         ends = self.doflocs[:, self.t[:, chord]]
         spans[0, chord] = 0.0
         spans[1, chord] = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)
-        self.curve_ids, self.spans = ids, spans
+        self.curve_ids = ids
+        self.spans = spans
         check_geometry(self)
         self._boundaries, self._subdomains = locked(self._boundaries), locked(self._subdomains)
         super().__post_init__()

@@ -78,7 +78,8 @@ class ChainOrder:
     def chains(self) -> list[Chain]:
         """Each by itself."""
         parts = np.split(self.elements, self.first[1:-1])
-        closed, owner = self.closed.tolist(), self.owner.tolist()
+        closed = self.closed.tolist()
+        owner = self.owner.tolist()
         return [Chain(*each) for each in zip(parts, closed, owner, strict=True)]
 
     def side_by_side(self) -> Iterator[tuple[IndexArray, Array]]:
@@ -102,7 +103,8 @@ def _neighbours(t: Array, owner: IndexArray) -> IndexArray:
     new[1:-1] = at[1:] != at[:-1]
     first = np.flatnonzero(new)
     pairs = first[:-1][np.diff(first) == 2]
-    one, two = order[pairs], order[pairs + 1]
+    one = order[pairs]
+    two = order[pairs + 1]
     out = np.full(2 * ne, -1)
     out[one], out[two] = two, one
     return out.reshape(ne, 2).T
@@ -140,7 +142,8 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
     successor = np.where(met[1] >= 0, met[1] // 2, -1)
     leading = np.ones(ne, dtype=bool)
     leading[successor[successor >= 0]] = False
-    following, used = successor.tolist(), [False] * ne
+    following = successor.tolist()
+    used = [False] * ne
     elements: list[int] = []
     begun = []  # first element, closed, where it is in `elements`
     # open chains from their first elements, then the closed ones
@@ -336,13 +339,15 @@ def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
         first = np.repeat(range(mesh.nelements), [len(each) for each in near])
         e, f = np.unique(np.sort(np.stack([first, np.concatenate(near)]), axis=0), axis=1)
     apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all(axis=(0, 1))
-    e, f = e[apart], f[apart]
+    e = e[apart]
+    f = f[apart]
     # the points that are closest: s of the way along e, r along f
     u, v, gap = along[e], along[f], ends[0, f] - ends[0, e]
     normal = np.cross(u, v)
     with np.errstate(all="ignore"):
         s, r = ((np.cross(gap, each) * normal).sum(1) / (normal**2).sum(1) for each in (v, u))
-    place, off = np.stack([s, r]), tol / size[np.stack([e, f])]
+    place = np.stack([s, r])
+    off = tol / size[np.stack([e, f])]
     on = ((place >= -off) & (place <= 1 + off)).all(axis=0)
     on &= ((place > off) & (place < 1 - off)).any(axis=0)
     on &= np.linalg.norm(gap + r[:, None] * v - s[:, None] * u, axis=1) <= tol
@@ -353,7 +358,8 @@ def warn_of_crossings(mesh: MeshCurve, part: IndexArray) -> None:
     """Say which lines of different parts (ne,) cross without a common vertex."""
     pairs, places = crossings(mesh, POSITION_TOLERANCE * mesh.size)
     between = part[pairs[0]] != part[pairs[1]]
-    pairs, places = pairs[:, between], places[between]
+    pairs = pairs[:, between]
+    places = places[between]
     if not len(places):
         return
     more = f" ({len(places) - 1} more like it)" * (len(places) > 1)

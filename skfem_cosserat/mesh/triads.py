@@ -36,9 +36,11 @@ def node_tangents(mesh: MeshCurve, xi: Floats) -> Floats:
     own = exact[:, 0]
     ends = np.stack([own, own], axis=1)
     cosine = np.cos(mesh.feature_angle) - 1e-9  # an angle equal to it is smooth too
-    e, f = mesh.chain_order.before, mesh.chain_order.after
+    e = mesh.chain_order.before
+    f = mesh.chain_order.after
     smooth = chord[e] & chord[f] & ((own[e] * own[f]).sum(axis=1) > cosine)
-    e, f = e[smooth], f[smooth]
+    e = e[smooth]
+    f = f[smooth]
     mean = mesh.lengths[f][:, None] * own[e] + mesh.lengths[e][:, None] * own[f]
     mean /= np.linalg.norm(mean, axis=1, keepdims=True)
     ends[e, 1] = ends[f, 0] = mean
@@ -91,7 +93,8 @@ def _by_beam(mesh: MeshCurve, value: Any, what: str) -> Iterator[tuple[Any, Inde
     if not isinstance(value, Mapping):
         yield value, np.arange(mesh.nelements)
         return
-    number, beams = np.full(mesh.nelements, -1), mesh.beams
+    number = np.full(mesh.nelements, -1)
+    beams = mesh.beams
     for k, name in enumerate(value):
         if name not in beams:
             known = names_known(name, beams, "known beams")
@@ -164,7 +167,8 @@ def _angles(mesh: MeshCurve, twist: Any, e: IndexArray, s: Floats) -> Floats:
 
 def _turned(triads: Floats, angle: Floats) -> Floats:
     """Triads (..., 3, 3) turned about their own d3 by angles (...)."""
-    c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    c = np.cos(angle)[..., None]
+    s = np.sin(angle)[..., None]
     d1, d2, d3 = (triads[..., i, :] for i in range(3))
     return _orthonormal(c * d1 + s * d2, d3)
 
@@ -242,7 +246,8 @@ def _transported(
         s = along[elements] + (ends - along[elements, -1])[..., None]
         share = s.reshape(chains, m * n) / ends[:, -1:]
         total += np.where(closed[:, None] & (abs(miss) > 1e-13), miss * share, 0.0)
-    c, s = np.cos(total)[..., None], np.sin(total)[..., None]
+    c = np.cos(total)[..., None]
+    s = np.sin(total)[..., None]
     return (c * normal + s * np.cross(t, normal)).reshape(chains * m, n, 3)
 
 
@@ -348,7 +353,8 @@ def _check_folds(
     item: str,
 ) -> None:
     """The line, and the interpolated one, run along the interpolated d3 everywhere."""
-    xi, at = kind.dense.points, kind.dense
+    xi = kind.dense.points
+    at = kind.dense
     exact = mesh.mapping().tangent(xi[None])
     slope = np.einsum("ag,eac->ceg", at.slopes, places)
     d3 = np.einsum("ag,eac->ceg", at.values, triads[:, :, 2])
@@ -366,7 +372,8 @@ def _check_folds(
 def _report_flips(mesh: MeshCurve, nodes: IndexArray, triads: Floats, item: str) -> None:
     """Warn of a first director that turns by more than 90 degrees about the line at a corner."""
     order = mesh.chain_order
-    e, f = order.before, order.after
+    e = order.before
+    f = order.after
     twist = abs(_twists(triads[e, -1], triads[f, 0]))
     flips = twist > np.pi / 2 + 1e-9
     if not flips.any():

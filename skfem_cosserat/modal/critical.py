@@ -197,7 +197,8 @@ def _shapes(
     X: Floats,
 ) -> checks.Shapes:
     """Buckling modes for :mod:`checks`; stresses and multipliers are those of the given loads."""
-    at, found = pencil.at, []
+    at = pencil.at
+    found = []
     for factor, x in zip(values, X.T, strict=True):
         dq = (at.tangent.P @ x).reshape(-1, 3)
         state = [factor * each for each in stresses], factor * multipliers
@@ -222,7 +223,8 @@ def _geometric(
     """K_1 (unknowns, unknowns) for the linear response dq (rows, 3), its stresses, multipliers."""
     system, y, P = at.system, at.y, at.tangent.P
     blocks = system.mass_tangent(0.0)
-    Bs, stresses = at.tangent.balance.Bs, []
+    Bs = at.tangent.balance.Bs
+    stresses = []
     for k, (group, B, D) in enumerate(zip(system.beam_groups, Bs, at.moduli, strict=True)):
         local = dq[group.rows].reshape(len(group.rows), -1, 1)
         stresses.append(group.linear_stress(D, (B @ local).reshape(len(B), -1, 6)))
@@ -235,7 +237,8 @@ def _geometric(
     if system.couplings.count:
 
         def moved(step: complex) -> CoupledForce:
-            factors, there = step * loads.actuators, y + 0 * step
+            factors = step * loads.actuators
+            there = y + 0 * step
             there[: system.rows] += step * dq
             start = system.couplings.starting(y, None, factors, 1.0, loads.time)
             return system.couplings.static(start, there)

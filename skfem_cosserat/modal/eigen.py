@@ -93,7 +93,8 @@ def lowest(
     X = vectors()
     while X is None and made < 8:  # farther away rounding does less harm
         shift *= 10.0
-        factors, made = Factorised(K - shift * M), made + 1
+        factors = Factorised(K - shift * M)
+        made += 1
         X = vectors()
     if X is None:
         raise CosseratError(
@@ -103,15 +104,18 @@ def lowest(
     found = ritz(X, M, energies, shift)
     elastic = found.values[~found.zero]
     if len(elastic) and 0 < elastic[0] < -0.1 * shift:  # nearer to what is sought: more digits
-        far, shift = (shift, factors), -float(elastic[0])
-        factors, made = Factorised(K - shift * M), made + 1
+        far = (shift, factors)
+        shift = -float(elastic[0])
+        factors = Factorised(K - shift * M)
+        made += 1
         X = vectors()
         if X is None:
             shift, factors = far
         else:
             found = ritz(X, M, energies, shift)
     for seed in range(1, 4 if not whole else 1):
-        missing, made = _missing(K, M, found, count), made + 1
+        missing = _missing(K, M, found, count)
+        made += 1
         if missing <= 0:
             break
         wanted = min(n // 3, wanted + missing + SPARE)
@@ -135,7 +139,8 @@ def _dense(K: csr_matrix, M: csr_matrix, shift: float, k: int) -> Floats:
 def _below(K: csr_matrix, M: csr_matrix) -> tuple[float, Factorised, int]:
     """A shift below all eigenvalues, ``K - shift M`` factorised, and how many were."""
     top = float((abs(K.diagonal()) / M.diagonal()).max()) or 1.0
-    shift, made = -FIRST * top, 0
+    shift = -FIRST * top
+    made = 0
     while True:
         made += 1
         try:
@@ -270,7 +275,8 @@ class Pencil:
 
     def force(self, x: Floats) -> Floats:
         """``K x`` (u,) for a vector, with strains differentiated first, see :meth:`energies`."""
-        system, tangent = self.at.system, self.at.tangent
+        system = self.at.system
+        tangent = self.at.tangent
         dq = tangent.P @ x
         nodal = np.zeros(system.n)
         for group, B, D in zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True):
@@ -285,7 +291,8 @@ class Pencil:
         stiffer than bending, cancel in strains of order one and not in energies. So frequencies
         keep their digits at any slenderness, and rigid motions have no energy at all.
         """
-        system, tangent = self.at.system, self.at.tangent
+        system = self.at.system
+        tangent = self.at.tangent
         out = X.conj().T @ (self.rest @ X)
         noise = NOISE * EPS * np.einsum("ik,ik->k", abs(X), self.rest_size @ abs(X))
         noise += self.at.error * np.einsum("ik,ik->k", abs(X), abs(tangent.metric) @ abs(X))
@@ -293,7 +300,8 @@ class Pencil:
         dq = tangent.P @ X
         for group, B, D in zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True):
             local = dq[group.dofs]
-            ne, ng = len(B), len(group.elements.points)
+            ne = len(B)
+            ng = len(group.elements.points)
             strain = (B @ local).reshape(ne, ng, 6, -1)
             out = out + np.einsum("egik,egil->kl", strain.conj(), D @ strain, optimize=True)
             lost = NOISE * EPS * (abs(B) @ abs(local)).reshape(ne, ng, 6, -1)
@@ -309,8 +317,10 @@ def make_pencil(at: Equilibrium) -> Pencil:
     InputError
         If a motion has no inertia.
     """
-    system, tangent = at.system, at.tangent
-    P, balance = tangent.P, tangent.balance
+    system = at.system
+    tangent = at.tangent
+    P = tangent.P
+    balance = tangent.balance
     still = replace(balance, Bs=[np.zeros_like(B) for B in balance.Bs])
     blocks = balance_tangent(system, still, at.amplitudes)
     curved = curvature_matrix(system, balance.y, tangent.multipliers)
@@ -407,7 +417,8 @@ def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigen
     values = np.where(abs(values.imag) <= FREE * abs(values), values.real, values)
     keep = np.flatnonzero(np.isfinite(values) & (values.imag >= 0))  # one of each pair
     keep = keep[np.argsort(abs(values[keep]), kind="stable")][:wanted]
-    values, X = values[keep], X[:, keep]
+    values = values[keep]
+    X = X[:, keep]
     X = X / np.sqrt(np.einsum("ik,ik->k", X.conj(), M @ X).real)
     values = _improved(pencil, C, values, X, scale)
     order = np.argsort(abs(values), kind="stable")
@@ -440,7 +451,8 @@ class _Inverse:
             ) from error
 
     def __call__(self, z: Array) -> Array:
-        a, b = z[: self.n], z[self.n :] * self.shift
+        a = z[: self.n]
+        b = z[self.n :] * self.shift
         x = -self._solve(self._right @ a + self.M @ b)
         return np.concatenate([x, a / self.shift + x])
 
@@ -496,7 +508,8 @@ def _improved(pencil: Pencil, C: csr_matrix, values: Array, X: Array, scale: flo
         elif pencil.damping is None:
             roots = np.roots([1.0, 1j * (x.conj() @ (C @ x)).imag, k])
             roots = roots[abs(roots.real) <= STEADY * abs(roots)]
-            roots, near = 1j * roots.imag, STEADY * abs(s)
+            roots = 1j * roots.imag
+            near = STEADY * abs(s)
         elif pencil.gyroscopic is None and abs(m := x @ (pencil.M @ x)) > WEAK:
             roots = np.roots([m, x @ (C @ x), E[0, 0] - E[1, 1] + 2j * E[0, 1]])
             near = STEADY * abs(s)

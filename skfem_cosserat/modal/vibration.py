@@ -69,12 +69,15 @@ class Animated(Shown):
             For a mode that is not there, for numbers that are not positive, or if a closed loop
             cannot follow so far.
         """
-        k, at = numbered("argument index", index, len(self.reduced), "modes"), self._at
-        s, x = self._eigenvalue(k), self.reduced[k]
+        k = numbered("argument index", index, len(self.reduced), "modes")
+        at = self._at
+        s = self._eigenvalue(k)
+        x = self.reduced[k]
         size = positive("argument amplitude", "amplitude", amplitude)
         whole("argument frames", frames, 1)
         whole("argument periods", periods, 1)
-        system, P = at.system, at.tangent.P
+        system = at.system
+        P = at.tangent.P
         x = size / _extent(system, at.y, P @ x) * x
         omega = abs(s.imag) if abs(s.imag) > 1e-9 * abs(s) else 2 * np.pi
         phases = 2 * np.pi / frames * np.arange(frames * periods + 1)
@@ -154,7 +157,8 @@ class Animated(Shown):
         """
         from ..picture import Look, film
 
-        history, rest = self.animation(index, amplitude, FRAMES), self.animation(index, 1e-9, 1)
+        history = self.animation(index, amplitude, FRAMES)
+        rest = self.animation(index, 1e-9, 1)
         texts = FRAMES * [self.called(index)]
         how = Look(**{"window": (960, 540)} | look)
         return film(history, path, range(FRAMES), texts, [rest.row(0)], fps, how)
@@ -171,7 +175,8 @@ def _extent(system: System, y: Floats, dq: Array) -> float:
 
 def _moved(at: Equilibrium, increment: Floats) -> Floats:
     """Configuration (n,) after a finite motion."""
-    system, y = at.system, at.y
+    system = at.system
+    y = at.y
     found = moved(system, y, y[system.rows :], increment)
     if found is None:
         raise InputError(
@@ -386,10 +391,12 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
         s = np.sqrt(-found.values.astype(complex))
         s = np.where(found.values > 0, 1j * abs(s), abs(s))
         order = np.argsort(~found.zero, kind="stable")
-        s, X = s[order], found.vectors[:, order]
+        s = s[order]
+        X = found.vectors[:, order]
     else:
         found = spectrum(pencil, count)
-        s, X = found.values, found.vectors
+        s = found.values
+        X = found.vectors
     return s, led(X, pencil.M), int(found.zero.sum()), found.factorisations
 
 
@@ -402,7 +409,8 @@ def led(X: Array, metric: csr_matrix) -> Array:
 
 def _shapes(pencil: Pencil, s: Array, X: Array) -> checks.Shapes:
     """Modes for :mod:`checks`: those without damping, which have nearly the same shapes."""
-    at, system = pencil.at, pencil.at.system
+    at = pencil.at
+    system = pencil.at.system
     parts, noise = pencil.energies(X)
     energy = np.diagonal(parts).real
     squares = energy / np.einsum("ik,ik->k", X.conj(), pencil.M @ X).real

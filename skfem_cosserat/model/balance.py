@@ -160,7 +160,8 @@ def balance(
     """
     groups = system.beam_groups
     both = system.strain(y)
-    strains, Bs = [eps for eps, _ in both], [B for _, B in both]
+    strains = [eps for eps, _ in both]
+    Bs = [B for _, B in both]
     stresses = [g.stress(eps) for g, eps in zip(groups, strains, strict=True)]
     if viscous and ydot is not None and system.damped:
         stresses = [

@@ -49,7 +49,8 @@ class RowsByTwists:
     def __init__(
         self, kinematics: Kinematics, constraints: QuadraticConstraints, rows: IndexArray
     ) -> None:
-        self._constraints, self._shape = constraints, (len(rows), kinematics.n_twist)
+        self._constraints = constraints
+        self._shape = (len(rows), kinematics.n_twist)
         number = np.full(constraints.size, -1)
         number[rows] = np.arange(len(rows))
         which = constraints.inside[number[constraints.rows[constraints.inside]] >= 0]
@@ -187,7 +188,8 @@ class Closure:
         length: float,
         strains: IndexArray,
     ) -> None:
-        self.kin, self._length = kinematics, length
+        self.kin = kinematics
+        self._length = length
         self.rows = np.concatenate([strains, rows])
         self.components: list[CoupledLoops] = []
         self.magnitude = np.ones(len(self.rows))
@@ -212,7 +214,8 @@ class Closure:
         _, label = connected_components(graph, directed=False)
         _, found, label = np.unique(label, return_index=True, return_inverse=True)
         label = np.argsort(np.argsort(found))[label]  # rows come first, so do their components
-        of_row, parts = label[:count], int(label[:count].max()) + 1
+        of_row = label[:count]
+        parts = int(label[:count].max()) + 1
         place, rows = _grouped(of_row, parts)
         column, columns = _grouped(label[count:], parts)
         scale = kin.scale(self._length)
@@ -292,7 +295,8 @@ class Closure:
         for c in self.components:
             apart[c.columns] = False
         single = np.flatnonzero(apart)
-        rows, cols = [single], [np.arange(len(single))]
+        rows = [single]
+        cols = [np.arange(len(single))]
         start = len(single)
         for c in self.components:
             free = start + np.arange(c.free)

@@ -88,7 +88,8 @@ def assemble_mass(
         add(row + step * node + np.arange(len(mass_of_item))[None], mass_of_item[None])
     entries = np.concatenate(c)
     present = np.flatnonzero(entries)
-    columns, rows = np.concatenate(j)[present], np.concatenate(i)[present]
+    columns = np.concatenate(j)[present]
+    rows = np.concatenate(i)[present]
     turned = FrozenPattern(columns, rows, (size, size))  # its columns are the rows
     compressed = turned.data(entries[present]), turned.indices, turned.indptr
     return csr_matrix(compressed, shape=(size, size)), nodal_masses

@@ -262,7 +262,8 @@ class TwistMap:
         turning = pairs.some(pairs.target >= 0)
         shifting = pairs.some((pairs.target < 0) & ~sliding)
         slides = pairs.some((pairs.target < 0) & sliding)
-        self.pair_vertex, self.pair_number = turning.vertex, turning.number
+        self.pair_vertex = turning.vertex
+        self.pair_number = turning.number
         self.slide_number = slides.number
         self._slide_of = place[slides.number]
         self.pair_rotates = np.flatnonzero(turning.rotates & (kin.frame_row[turning.vertex] >= 0))
@@ -326,7 +327,8 @@ class TwistMap:
     @cached_property
     def _moved(self) -> _Moved:
         """Made when first asked for: the full map of a chain has the square of its pairs."""
-        kin, number = self.kin, self.pair_number
+        kin = self.kin
+        number = self.pair_number
         nv = len(kin.twist_of)
         track = np.array([c.guide for c in kin.sliding], dtype=np.int64)[self._slide_of]
         on_track = np.flatnonzero(track < nv)
@@ -362,16 +364,19 @@ class TwistMap:
         """Points and axes of the tree at configuration y."""
         rows, factors = self._combine
         both = (factors @ y.take(rows, axis=0))[:, 0]
-        x, axes = both[: len(self.spots)], both[len(self.spots) :]
+        x = both[: len(self.spots)]
+        axes = both[len(self.spots) :]
         hinges, left, right = self.kin.split(axes)
         axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
         arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
-        left, right = left[self._slide_of], right[self._slide_of]
+        left = left[self._slide_of]
+        right = right[self._slide_of]
         return Located(y, x, axis, arm, left, right, cross(left, right))
 
     def values(self, at: Located) -> Array:
         """Entries of T at ``(rows, cols)``."""
-        shift, turn = cross(at.axis, at.arm), at.axis.take(self.pair_rotates, axis=0)
+        shift = cross(at.axis, at.arm)
+        turn = at.axis.take(self.pair_rotates, axis=0)
         return np.concatenate([self._constant, shift.ravel(), turn.ravel(), at.slide.ravel()])
 
     def reduce(self, values: Array, twist_force: Array) -> Array:
@@ -391,8 +396,10 @@ class TwistMap:
 
     def curvature_pattern(self) -> tuple[IndexArray, IndexArray]:
         """Rows (unknowns) and columns (twists) of :meth:`curvature_values`."""
-        on, guided = self._moved, self._moved.guided
-        number, turning = self.pair_number[on.spot_pair], on.turning
+        on = self._moved
+        guided = self._moved.guided
+        number = self.pair_number[on.spot_pair]
+        turning = on.turning
         rows = [np.repeat(n, 3) for n in (self.pair_number[guided], number, number[turning])]
         twists = (on.guide_twist, on.spot_twist, on.spot_twist[turning] + 3)
         cols = [(twist[:, None] + np.arange(3)).ravel() for twist in twists]
@@ -407,7 +414,8 @@ class TwistMap:
         """
         moved = self._moved
         force = twist_force.take(moved.pair_twist)
-        guided, on = moved.guided, moved.track
+        guided = moved.guided
+        on = moved.track
         moment = cross(at.arm, force)
         moment[self.pair_rotates] += twist_force.take(moved.rotated_twist)
         turned = cross(at1.axis.take(guided, axis=0), moment.take(guided, axis=0))
@@ -449,7 +457,8 @@ class Recursion:
 
     def __init__(self, kinematics: Kinematics) -> None:
         kin = self.kin = kinematics
-        tree, nv = kin.tree, len(kin.twist_of)
+        tree = kin.tree
+        nv = len(kin.twist_of)
         edges = tree.edges
         self.own = TwistMap(kin, Pairs.of([pair for e in edges for pair in tree.own_pairs(e)]))
         self.child = np.array([e.child for e in edges], dtype=np.int64)
@@ -513,7 +522,8 @@ class Recursion:
     def transport(self) -> tuple[IndexArray, IndexArray]:
         """Rows and columns of ``1 - X``: ones, what is passed on as it is, arms of rotations."""
         kin, xyz, twist = self.kin, np.arange(3), self.kin.twist_of
-        child, parent = twist[self.child[self.held]], twist[self.parent[self.held]]
+        child = twist[self.child[self.held]]
+        parent = twist[self.parent[self.held]]
         turned, turning = (twist[v[self.relative]] + 3 for v in (self.child, self.parent))
         ones = np.arange(kin.n_twist)
         moved = twist[self.child[self.turns]][:, None, None] + xyz[:, None]
@@ -550,7 +560,8 @@ class Recursion:
     @cached_property
     def _order(self) -> IndexArray:
         """Twists of all vertices, parents before children."""
-        tree, count = self.kin.tree, len(self.kin.twist_of)
+        tree = self.kin.tree
+        count = len(self.kin.twist_of)
         depth = np.array([tree.depth.get(v, 0) for v in range(count)])
         return np.argsort(depth[self._vertex], kind="stable")
 
@@ -558,7 +569,8 @@ class Recursion:
     def _pattern(self) -> FrozenPattern:
         """Sparsity pattern of ``1 - X``, with twists ordered from parents to children."""
         i, j = self.transport
-        position, size = np.empty_like(self._order), self.kin.n_twist
+        position = np.empty_like(self._order)
+        size = self.kin.n_twist
         position[self._order] = np.arange(size)
         return FrozenPattern(position[i], position[j], (size, size))
 
@@ -581,7 +593,8 @@ class Recursion:
             (p[framed] + 3, c[framed] + 3),
         ]
         rows, cols = (np.concatenate([each[k] for each in blocks]) for k in (0, 1))
-        xyz, shape = np.arange(3), (len(rows), 3, 3)
+        xyz = np.arange(3)
+        shape = (len(rows), 3, 3)
         i = np.broadcast_to(rows[:, None, None] + xyz[:, None], shape).ravel()
         return i, np.broadcast_to(cols[:, None, None] + xyz, shape).ravel()
 

@@ -69,7 +69,8 @@ def broken_constraint(system: System, y: Floats, tolerance: float = BROKEN) -> s
 
     The tolerance is relative to what motions of the scene's size change.
     """
-    g, sizes = abs(system.constraints.values(y)), np.ones((system.rows, 3))
+    g = abs(system.constraints.values(y))
+    sizes = np.ones((system.rows, 3))
     sizes[system.origin_rows] = system.length  # wherever it is: what motions of its size change
     allowed = tolerance * (abs(system.constraints.jacobian(y)) @ sizes.ravel())
     excess = g - allowed - 1e-15 * system.constraints.magnitudes(y)
@@ -146,7 +147,8 @@ def jump(system: System, t0: float, t1: float) -> str | None:
         return None
     a, b = found
     frame = int(bends(a, b).max(axis=1).argmax()) // 4
-    item, when = owners[frame], f"jumps at t = {b:.6g} s"
+    item = owners[frame]
+    when = f"jumps at t = {b:.6g} s"
     if isinstance(item, JointDrive):
         return f"the {item.label} {when}: {reached(item, a)}, then {reached(item, b)}"
     far = np.linalg.norm((ground(b) - ground(a)).reshape(-1, 4, 3)[frame], axis=1)
@@ -206,7 +208,8 @@ def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
         return None
     from ..mesh.triads import gives_way
 
-    worst, found = 1.0, None
+    worst = 1.0
+    found = None
     for beam in system.beams:
         basis = beam.basis
         angle = _rotated(beam, _nodal(system, beam, y))
@@ -251,7 +254,8 @@ def _rotated(beam: Beam, nodal: Floats) -> Floats:
     from ..mesh.triads import turns
 
     inner = beam.basis.connectivity
-    now, then = _steps(nodal[..., inner, :, :]), _steps(beam.triads[inner])
+    now = _steps(nodal[..., inner, :, :])
+    then = _steps(beam.triads[inner])
     return turns(then, now).sum(axis=-1).round(9)
 
 
@@ -366,7 +370,8 @@ def overstretched_beam(
 
     With `multipliers` (m,) of the constraint rows the tension of inextensible beams counts, too.
     """
-    worst, about = 1.0 + 1e-9, None
+    worst = 1.0 + 1e-9
+    about = None
     factors = np.zeros(len(system.loading.times)) if loads is None else loads
     drawn = {
         beam: tuple(values[which] for values in found)
@@ -388,10 +393,12 @@ def overstretched_beam(
         limit = factor * bending / (beam.basis.lengths**2 * stretch.clip(1e-300))
         ratio = (force / limit).round(9)  # of equal ones the first is named
         if ratio.max() > worst:
-            e, worst = int(ratio.argmax()), float(ratio.max())
+            e = int(ratio.argmax())
+            worst = float(ratio.max())
             a, b = beam.basis.connectivity[e][[0, -1]]
             above = ratio > 1.0 + 1e-9
-            count, others = len(ratio), int(above.sum()) - 1
+            count = len(ratio)
+            others = int(above.sum()) - 1
             # an element cut into r = sqrt(N/limit) parts is at its limit
             needed = count - others - 1 + int(np.ceil(np.sqrt(ratio[above]).sum() - 1e-9))
             more = f" ({others} more like it)" if others else ""
@@ -449,8 +456,10 @@ def _tension(group: BeamGroup, y: Floats, free: Floats) -> tuple[Floats, Floats,
     And the bending stiffness that sections of a stored energy have there, NaN for others. `free`:
     strains without stress (ne, ng, 6).
     """
-    seen, weights = group.strain(y)[0], group.elements.weights
-    strain, stretch = seen - free, seen + group.elements.reference
+    seen = group.strain(y)[0]
+    weights = group.elements.weights
+    strain = seen - free
+    stretch = seen + group.elements.reference
     present = np.full(len(strain), np.nan)
     for points, law in group.elements.stored:
         ids = np.unique(points[0])

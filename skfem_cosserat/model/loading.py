@@ -106,7 +106,8 @@ class Loading:
     ) -> None:
         self._rows = rows
         self._first, self._mass, self._origins = first, mass, origins
-        self._beam_groups, self._frame_group = beam_groups, frame_group
+        self._beam_groups = beam_groups
+        self._frame_group = frame_group
         self.times: list[TimeFunction] = []
         self.owners = []
         self.terms = []

@@ -40,7 +40,8 @@ class Connected:
     free: np.typing.NDArray[np.bool_]
 
     def __str__(self) -> str:
-        count, tied = len(self.free), int((~self.free).sum())
+        count = len(self.free)
+        tied = int((~self.free).sum())
         if count == 1:
             return f"1 connected part, {'tied' if tied else 'not tied'} to the ground"
         return f"{count} separate parts, {tied or 'none'} of them tied to the ground"
@@ -106,7 +107,8 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     >>> print(connected_parts(model.freeze()))
     2 separate parts, 1 of them tied to the ground
     """
-    rows, g = system.rows, system.constraints
+    rows = system.rows
+    g = system.constraints
     links = [_first_to_all(group.rows) for group in system.groups]
     own = g.inside
     links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))

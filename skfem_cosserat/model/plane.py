@@ -360,13 +360,15 @@ def _sections(beam: Beam, plane: Plane) -> OutOfPlane:
     if twist > TOLERANCE:
         yield beam.label, f"its sections turn about its axis along it (pre-twist, by {twist:.6g})"
         return
-    every, points = np.arange(len(nu)), beam.elements.points
+    every = np.arange(len(nu))
+    points = beam.elements.points
     free = np.broadcast_to(beam.strains_at(every, points), beam.elements.reference.shape)
     mirrored = [strain @ _flip(n) for strain, n in zip(free, nu[:, 0], strict=True)]
     if abs(free - mirrored).max() > TOLERANCE * abs(free).max():
         yield beam.label, "its strain without load leaves the plane"
     sections = beam.sections_at(every, points)
-    normals, told = nu[:, 0].round(9), set()
+    normals = nu[:, 0].round(9)
+    told = set()
     each = {
         (id(section), *n): (section, e)
         for e, (row, n) in enumerate(zip(sections, normals, strict=True))
@@ -387,7 +389,8 @@ def _section(law: Law, D: Floats, density: Floats, nu: Floats) -> str:
     if found := _masses(density, nu[:2]):
         return f"the {found}"
     eps = PROBE * law.scale
-    here, there = law.energy(eps), law.energy(eps @ _flip(nu))
+    here = law.energy(eps)
+    there = law.energy(eps @ _flip(nu))
     worst = float((abs(here - there) / abs(here)).max())
     if worst > TOLERANCE:
         return f"the stored energy is not that of the mirror image (by {worst:.6g}, relative)"
@@ -424,7 +427,8 @@ def _matrix(D: Floats, nu: Floats, what: str) -> str:
 
 def _freedom(joint: Joint, plane: Plane) -> OutOfPlane:
     """Axes have to be along the normal or in the plane: else the joint leads out of it."""
-    n, free = plane.normal, joint.freedom()
+    n = plane.normal
+    free = joint.freedom()
     for turn in free.turns or ():
         angle = _tilt(turn.axis, n)
         if angle:
@@ -440,7 +444,8 @@ def _freedom(joint: Joint, plane: Plane) -> OutOfPlane:
 
 def _tilt(axis: Floats, n: Floats) -> str:
     """Angle of a direction, in words, if it is neither along n nor normal to it; else empty."""
-    rise, run = abs(float(axis @ n)), float(np.linalg.norm(np.cross(axis, n)))
+    rise = abs(float(axis @ n))
+    run = float(np.linalg.norm(np.cross(axis, n)))
     if min(rise, run) <= TOLERANCE:
         return ""
     return (
@@ -450,7 +455,8 @@ def _tilt(axis: Floats, n: Floats) -> str:
 
 def _in_plane(joint: Joint, name: str, plane: Plane) -> bool:
     """True if a coordinate of a joint is one of motion in the plane."""
-    n, free = plane.normal, joint.freedom()
+    n = plane.normal
+    free = joint.freedom()
     turns = {turn.name for turn in free.within(n).turns or ()}
     slides = {s.name for s in free.slides if abs(np.cross(s.left, s.right) @ n) < TOLERANCE}
     return name in turns | slides
@@ -461,7 +467,8 @@ def _in_plane(joint: Joint, name: str, plane: Plane) -> bool:
 
 def _stray(term: Term, value: Floats, plane: Plane) -> float:
     """Size of the part of a term's value that leaves the plane (N, N m, N/m, m/s^2)."""
-    v, n = term.vectors(value), plane.normal
+    v = term.vectors(value)
+    n = plane.normal
     if term.axial:
         return float(np.linalg.norm(v - np.outer(v @ n, n), axis=1).max())
     return float(abs(v @ n).max())
@@ -469,7 +476,8 @@ def _stray(term: Term, value: Floats, plane: Plane) -> float:
 
 def _loads(loading: Loading, plane: Plane) -> OutOfPlane:
     for site in loading.sites():
-        terms, single = [loading.terms[k] for k in site], len(site) == 1
+        terms = [loading.terms[k] for k in site]
+        single = len(site) == 1
         for t in (0.0,) if single else INSTANTS:
             value = terms[0].value
             if not single:
@@ -524,14 +532,17 @@ def _pushed(
 ) -> OutOfPlane:
     """Forces out of the plane at states in it, and at instants."""
     rng = np.random.default_rng(0)
-    worst, most = 0.0, 0.0
+    worst = 0.0
+    most = 0.0
     for t in instants:
-        y, ydot = _motion(system, plane, rng), _motion(system, plane, rng)
+        y = _motion(system, plane, rng)
+        ydot = _motion(system, plane, rng)
         ydot = ydot - system.extend(system.q0, 0.0)
         start = alone.starting(system.extend(system.q0, 0.0), None, alone.values(t), 1.0, t)
         twists = _twist_forces(system, y, alone.static(start, y, ydot).force[: system.rows])
         off = _out_of_plane(twists, plane)
-        worst, most = max(worst, off), max(most, abs(twists).max())
+        worst = max(worst, off)
+        most = max(most, abs(twists).max())
     if worst > TOLERANCE * most:
         yield (
             label,
@@ -541,7 +552,8 @@ def _pushed(
 
 def _motion(system: System, plane: Plane, rng: np.random.Generator) -> Floats:
     """Rows y (total, 3) of a scene whose frames have moved in the plane, each by itself."""
-    kin, y = system.kinematics, system.extend(system.q0, 0.0)
+    kin = system.kinematics
+    y = system.extend(system.q0, 0.0)
     x = system.origin_rows
     y[x] += 0.1 * system.length * rng.standard_normal((len(x), 2)) @ plane.axes
     theta = 0.3 * rng.standard_normal(len(kin.frames))
@@ -557,14 +569,17 @@ def functions_off_plane(
 
     Forces are those at recorded states (N, n), with the mean velocities from one to the next.
     """
-    plane, n = system.plane, len(states)
+    plane = system.plane
+    n = len(states)
     if plane is None or n < 2:
         return None
     for item in system.couplings.own:
-        alone, none = system.couplings_of([item]), np.zeros(1)
+        alone = system.couplings_of([item])
+        none = np.zeros(1)
         worst, most, when = 0.0, 0.0, 0.0
         for k in range(n):
-            other, t = k + 1 if k + 1 < n else k - 1, float(times[k])
+            other = k + 1 if k + 1 < n else k - 1
+            t = float(times[k])
             y = system.extend(states[k], t)
             rates = (system.extend(states[other], float(times[other])) - y) / (times[other] - t)
             start = alone.starting(y, None, none, 1.0, t)
@@ -669,8 +684,10 @@ def confine(system: System, planar: Planar) -> None:
         raise InputError("argument planar", f"{planar!r}, expected Planar()")
     found = inspect(system, planar.normal)
     if not found:
-        plane, more = found.plane, len(found.out_of_plane) - 1
-        normal, point = plane.normal.round(9).tolist(), (plane.point.round(9) + 0.0).tolist()
+        plane = found.plane
+        more = len(found.out_of_plane) - 1
+        normal = plane.normal.round(9).tolist()
+        point = (plane.point.round(9) + 0.0).tolist()
         raise InputError(
             "planar scene",
             f"{found.out_of_plane[0]}; the plane is normal to {normal}, through the middle of the"
@@ -692,7 +709,8 @@ def _candidates(system: System) -> list[Floats]:
         # an axis of space may be what is meant
         return [V[2], axis] if abs(axis @ V[2]) > 0.99 else [V[2]]
     line = V[:1] if sizes[0] > 1e-6 else np.zeros((0, 3))
-    along, about = [*np.zeros((0, 3))], [*np.eye(3)]
+    along = [*np.zeros((0, 3))]
+    about = [*np.eye(3)]
     for item in system.structures:
         vertices = item.vertices()
         if vertices is None:

@@ -128,12 +128,15 @@ class QuadraticConstraints:
     """
 
     def __init__(self, builder: ConstraintBuilder, reference: Floats, free: int) -> None:
-        m, n = builder.size, 3 * free
-        self.size, self.n = m, n
+        m = builder.size
+        n = 3 * free
+        self.size = m
+        self.n = n
         linear, lc = _table(builder.linear, 2)
         products, pc = _table(builder.products, 3, builder.begun)
         self._lk = (linear[0][:, None] + np.arange(3)).ravel()
-        self._la, self._lc = linear[1], lc[:, None]
+        self._la = linear[1]
+        self._lc = lc[:, None]
         self._pk, self._pa, self._pb = products
         self._pc = pc[:, None]
         self._driven = np.array(sorted(builder.amplitudes), dtype=np.int64)
@@ -200,7 +203,8 @@ class QuadraticConstraints:
         """Sizes (m,) of the terms of g(y), or of ``dg/dt`` for rates of y: what its error means."""
         size = np.linalg.norm(y, axis=1)
         if rates is None:
-            products, linear = size[self._pa] * size[self._pb], size[self._la]
+            products = size[self._pa] * size[self._pb]
+            linear = size[self._la]
         else:
             rate = np.linalg.norm(rates, axis=1)
             products = size[self._pa] * rate[self._pb] + rate[self._pa] * size[self._pb]
@@ -217,7 +221,8 @@ class QuadraticConstraints:
 
     def contributions(self, which: IndexArray, y: Floats) -> Floats:
         """Contributions to G at ``(rows, cols)[which]`` (N, k), for a stack y (N, total, 3)."""
-        plain, count = len(self._linear_values), len(self._pk)
+        plain = len(self._linear_values)
+        count = len(self._pk)
         out = np.empty((len(y), len(which)))
         product = which >= plain
         out[:, ~product] = self._linear_values[which[~product]]
@@ -246,13 +251,15 @@ class QuadraticConstraints:
         """``g(y)`` or ``dg/dt`` (m, N): states come last, each operation is one on all of them."""
         a = np.ascontiguousarray(y.transpose(1, 2, 0))
         v = a if rates is None else np.ascontiguousarray(rates.transpose(1, 2, 0))
-        pa, pb = self._pa, self._pb
+        pa = self._pa
+        pb = self._pb
         factor = np.broadcast_to(self._pc, (len(pa), len(y)))
         dots = (a[pa] * v[pb]).sum(1)
         if rates is not None:
             dots += (v[pa] * a[pb]).sum(1)
         if len(self._driven):
-            factor, own = factor.copy(), self._driven
+            factor = factor.copy()
+            own = self._driven
             where = self._drive_row, self._drive_component
             factor[own] *= a[where]
             if rates is not None:  # the factor changes, too
@@ -300,7 +307,8 @@ class QuadraticConstraints:
         For :meth:`curvature_factors`; each pair stands for a block ``value * I_3``.
         """
         which = self._curved[np.isin(self._pk[self._curved], rows)]
-        a, b = self._pa[which], self._pb[which]
+        a = self._pa[which]
+        b = self._pb[which]
         return which, np.concatenate([np.column_stack([a, b]), np.column_stack([b, a])])
 
     def curvature_factors(self, which: IndexArray, multipliers: Array, y: Array) -> Array:

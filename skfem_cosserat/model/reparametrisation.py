@@ -70,7 +70,8 @@ class Reparametrisation:
             numbers = kinematics.numbers[kind].reshape(-1, size)
             return numbers, kinematics.vertex[numbers[:, 0]]
 
-        self._directions, self._axes = tree.directions, tree.axes
+        self._directions = tree.directions
+        self._axes = tree.axes
         self._flat = tree.plane is not None
         self.shift_numbers, self._shift_vertices = pick("translation", len(self._directions))
         self.turn_numbers, self._turn_vertices = pick("rotation", len(self._axes))
@@ -109,7 +110,8 @@ class Reparametrisation:
 
     def _prepare_rotations(self) -> None:
         """Relative rotation of each child: of one or two hinges, or none."""
-        kin, tree = self.kin, self.kin.tree
+        kin = self.kin
+        tree = self.kin.tree
         ends = [(e.child, e.parent, tree.depth[e.child]) for e in tree.edges]
         child, parent, depth = np.array(ends, dtype=np.int64).reshape(-1, 3).T
         turned = np.array([e.freedom.turns is not None for e in tree.edges], dtype=bool)
@@ -119,7 +121,8 @@ class Reparametrisation:
         self._layers = _layers([tree.turns.get(e.child, []) for e in self._relative], number)
         self._ground_rows = kin.row[self._grounds][:, None] + np.arange(1, 4)
         self._prepare_order()
-        relative, order = np.cumsum(turned) - 1, np.argsort(depth, kind="stable")
+        relative = np.cumsum(turned) - 1
+        order = np.argsort(depth, kind="stable")
         self._levels = []
         for at in np.split(order, np.flatnonzero(np.diff(depth[order])) + 1):
             own = at[turned[at]]
@@ -129,7 +132,8 @@ class Reparametrisation:
 
     def _prepare_order(self) -> None:
         """Set the places that rotations and rows of y are taken from; of children, placeholders."""
-        kin, a = self.kin, len(self.turn_numbers) + len(self.sphere_numbers)
+        kin = self.kin
+        a = len(self.turn_numbers) + len(self.sphere_numbers)
         b = a + len(kin.guided)
         #: by vertex: of turns, swings, hinges, then the ground's, then one
         self._of_vertex = np.full(len(kin.row), b + len(self._grounds))
@@ -148,7 +152,8 @@ class Reparametrisation:
 
     def _prepare_positions(self) -> None:
         """``phi_child - phi_parent`` of each edge from directors, arms on spheres, slides."""
-        kin, tree = self.kin, self.kin.tree
+        kin = self.kin
+        tree = self.kin.tree
         edges = tree.edges
         self._arm_rows, self._arm_factors = combination(
             [

@@ -206,7 +206,8 @@ class System(Pictured):
         self.readings: dict[tuple[int, str | None], Any] = {}
         #: finds what stands for places of the model that this scene was rebuilt from
         self.copies = copies
-        self.placed, self.since = placed, 0.0 if placed is None else placed.t
+        self.placed = placed
+        self.since = 0.0 if placed is None else placed.t
         self.structures, self.joints, self.loads = list(structures), list(joints), list(loads)
         self.drives, self.dampings = list(drives), list(dampings)
         self._number()
@@ -239,7 +240,8 @@ class System(Pictured):
         """Coordinates in space with no joint in the tree: all vertices free, all rows left."""
         tree = build_tree(self.is_frame.tolist(), [])
         kinematics = Kinematics(tree, self.vertex_rows, self.is_frame, self.total)
-        rows, tied = np.arange(self.internal, self.m), self.joint_coordinates
+        rows = np.arange(self.internal, self.m)
+        tied = self.joint_coordinates
         return Coordinates(self, tree, kinematics, rows, tied.joint_edges, tied.closure)
 
     def _lock(self) -> None:
@@ -277,7 +279,8 @@ class System(Pictured):
             ):
                 rows.append(np.concatenate([origins[:, None], directors], axis=1).reshape(-1, 3))
             row += 4 * count
-        self.rows, self.n = row, 3 * row
+        self.rows = row
+        self.n = 3 * row
         self.is_frame = np.concatenate(framed)
         size = np.where(self.is_frame, 4, 1)
         self.origin_rows: IndexArray = np.cumsum(size) - size
@@ -454,7 +457,8 @@ class System(Pictured):
         return about | {"degrees of freedom": self.unknowns, "mass in kg": mass}
 
     def __repr__(self) -> str:
-        names, c = listed([i.label for i in self.structures]), self.counts()
+        names = listed([i.label for i in self.structures])
+        c = self.counts()
         return (
             f"<System of {names}; n = {c['n']}, m = {c['m']} (rank {c['rank']}),"
             f" unknowns {self.coordinates + c['rank']} with multipliers,"
@@ -509,7 +513,8 @@ class System(Pictured):
         >>> system.independent_rows(system.extend(system.q0, 0.0)).tolist()
         [True, True, True, True, True, True]
         """
-        keep, closure = np.ones(self.m, dtype=bool), self.joint_coordinates.closure
+        keep = np.ones(self.m, dtype=bool)
+        closure = self.joint_coordinates.closure
         if len(closure.rows):
             keep[closure.rows] = False
             for s in closure.select(y, closure.kin.values_at(y)):

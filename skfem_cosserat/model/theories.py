@@ -111,7 +111,8 @@ def add_theory_rows(
 def _products(beam: Beam, row: int) -> Iterator[tuple[Terms, Terms, float | None]]:
     """Left and right sums of each product, and its factor; None: the row is complete."""
     basis = beam.basis
-    N, slope = basis.shape(basis.points), basis.dshape(basis.points)
+    N = basis.shape(basis.points)
+    slope = basis.dshape(basis.points)
     for e, nodes in enumerate(basis.connectivity):
         origins = (row + 4 * nodes).tolist()
         for g in range(len(basis.points)):

@@ -35,9 +35,11 @@ def _halved(points: Floats, segments: IndexArray, which: IndexArray) -> tuple[Fl
 def _circumcircles(points: Floats, t: IndexArray) -> tuple[Floats, Floats, Floats]:
     """Centres, radii and shortest edges of triangles (k, 3)."""
     a, b, c = points[t[:, 0]], points[t[:, 1]], points[t[:, 2]]
-    u, v = b - a, c - a
+    u = b - a
+    v = c - a
     twice = 2 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
-    uu, vv = (u**2).sum(axis=1), (v**2).sum(axis=1)
+    uu = (u**2).sum(axis=1)
+    vv = (v**2).sum(axis=1)
     offset = np.column_stack([v[:, 1] * uu - u[:, 1] * vv, u[:, 0] * vv - v[:, 0] * uu])
     offset /= twice[:, None]
     shortest = np.sqrt(np.minimum(np.minimum(uu, vv), ((c - b) ** 2).sum(axis=1)))
@@ -55,7 +57,8 @@ def _encroached(points: Floats, segments: IndexArray, by: Floats) -> IndexArray:
     if len(by) == 0:
         return np.zeros(0, dtype=np.int64)
     ends = points[segments]
-    middle, radius = ends.mean(axis=1), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
+    middle = ends.mean(axis=1)
+    radius = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
     near = cKDTree(by).query_ball_point(middle, radius * (1 - 1e-9), return_length=True)
     return np.flatnonzero(near > 0)
 
@@ -153,7 +156,8 @@ class Region(Frozen):
     def __init__(
         self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()
     ) -> None:
-        self.outline, self.material = _corners("outline", outline), material
+        self.outline = _corners("outline", outline)
+        self.material = material
         self.holes = tuple(_corners(f"hole {k}", hole) for k, hole in enumerate(holes))
 
 
@@ -199,7 +203,8 @@ def _shapely() -> Any:
 
 def _shapes(regions: Sequence[Region]) -> list[Any]:
     """The regions as polygons of shapely that do not overlap."""
-    shapely, item = _shapely(), "polygon"
+    shapely = _shapely()
+    item = "polygon"
     shapes = []
     for k, region in enumerate(regions):
         outline = shapely.Polygon(region.outline)

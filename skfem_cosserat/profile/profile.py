@@ -37,7 +37,8 @@ def signed_area(polygon: Floats) -> float:
 
 def _without_straight(polygon: Floats) -> Floats:
     """Without points on the straight line between their neighbours."""
-    before, after = polygon - np.roll(polygon, 1, axis=0), np.roll(polygon, -1, axis=0) - polygon
+    before = polygon - np.roll(polygon, 1, axis=0)
+    after = np.roll(polygon, -1, axis=0) - polygon
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     keep = abs(cross) > 1e-9 * np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
     return polygon[keep]
@@ -61,7 +62,8 @@ def boundary_loops(mesh: Mesh) -> list[Floats]:
     for k, (a, b) in enumerate(mesh.facets[:, facets].T.tolist()):
         at.setdefault(a, []).append((k, b))
         at.setdefault(b, []).append((k, a))
-    left, loops = set(range(len(facets))), []
+    left = set(range(len(facets)))
+    loops = []
     while left:
         k = min(left)
         start = node = int(mesh.facets[0, facets[k]])
@@ -184,7 +186,8 @@ class Profile(Frozen):
             index = _assigned(self.item, mesh, list(material))
             materials = list(material.values())
         else:
-            index, materials = np.zeros(mesh.nelements, dtype=np.int64), [material]
+            index = np.zeros(mesh.nelements, dtype=np.int64)
+            materials = [material]
         elasticities = [elasticity(each) for each in materials]
         first = [materials.index(each) for each in materials]  # given several times: once
         distinct = sorted(set(first))
@@ -242,7 +245,8 @@ class Profile(Frozen):
         """
         positive(self.item, "tolerance", tolerance)
         shift = _centroid(self.mesh)
-        mesh, index = self.mesh.translated(-shift), self.index
+        mesh = self.mesh.translated(-shift)
+        index = self.index
         while True:
             coarse, fine = (
                 solve_warping(mesh, order, index, self.elasticities) for order in (2, 3)
@@ -284,9 +288,11 @@ class Profile(Frozen):
         return self.constants(tolerance).moved(origin, angle).section()
 
     def _result(self, warping: Warping, error: float) -> ProfileConstants:
-        dx, x = warping.basis.dx, np.asarray(warping.basis.global_coordinates())
+        dx = warping.basis.dx
+        x = np.asarray(warping.basis.global_coordinates())
         rho = np.array([each.rho for each in self.materials])[warping.index][:, None] * dx
-        mass, area = rho.sum(), dx.sum()
+        mass = rho.sum()
+        area = dx.sum()
         C = self.elasticities[warping.index]
         shear = np.einsum("eij,eq->ij", C[:, [[4, 3], [4, 3]], [[4, 4], [3, 3]]], dx)
         return ProfileConstants(

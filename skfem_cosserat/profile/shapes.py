@@ -227,7 +227,8 @@ class ProfileChannel(ProfileRectangles):
                 f"flange = {flange!r}, web = {web!r} do not fit into height = {height!r},"
                 f" width = {width!r}",
             )
-        y, x = height / 2, (-web / 2, width - web / 2)
+        y = height / 2
+        x = (-web / 2, width - web / 2)
         super().__init__(
             [
                 (x, (-y, -y + flange), material),
@@ -266,7 +267,8 @@ class ProfileBox(ProfileRectangles):
         self.item = "box"
         all_positive(self.item, width=width, height=height)
         sides, ends = _pair("thickness", thickness)
-        x, y = width / 2, height / 2
+        x = width / 2
+        y = height / 2
         if sides >= x or ends >= y:
             raise InputError(
                 self.item,
@@ -329,10 +331,12 @@ def _rings(radii: Floats, segments: int) -> tuple[MeshTri2, list[str]]:
         points.append(radii[1] * p)
         triangles.append(t)
         owners.append(np.zeros(t.shape[1], dtype=int))
-        first, inner = 1, p.shape[1] - segments
+        first = 1
+        inner = p.shape[1] - segments
     else:
         points.append(radii[0] * _circle(segments))
-        first, inner = 0, 0
+        first = 0
+        inner = 0
     number = inner + segments
     for k in range(first, len(radii) - 1):
         length = 2 * np.pi * radii[k + 1] / segments
@@ -340,12 +344,16 @@ def _rings(radii: Floats, segments: int) -> tuple[MeshTri2, list[str]]:
         for r in np.linspace(radii[k], radii[k + 1], parts + 1)[1:]:
             points.append(r * _circle(segments))
             i = np.arange(segments)
-            a, b = inner + i, inner + (i + 1) % segments
-            c, d = number + i, number + (i + 1) % segments
+            a = inner + i
+            b = inner + (i + 1) % segments
+            c = number + i
+            d = number + (i + 1) % segments
             triangles.append(np.hstack([[a, b, d], [a, c, d]]))
             owners.append(np.full(2 * segments, k))
-            inner, number = number, number + segments
-    owner, names = np.concatenate(owners), [f"layer {k}" for k in range(len(radii) - 1)]
+            inner = number
+            number = number + segments
+    owner = np.concatenate(owners)
+    names = [f"layer {k}" for k in range(len(radii) - 1)]
     mesh = MeshTri1(np.hstack(points), np.hstack(triangles)).with_subdomains(
         {name: np.flatnonzero(owner == k) for k, name in enumerate(names)}
     )
@@ -359,7 +367,8 @@ def _circle(count: int) -> Floats:
 
 def _disk(count: int) -> tuple[Floats, IndexArray]:
     """Unit disk of ``count`` rings of 6, 12, 18 ... points around its centre."""
-    points, triangles = [np.zeros((2, 1))], []
+    points = [np.zeros((2, 1))]
+    triangles = []
     start = [0, 1]
     for k in range(1, count + 1):
         points.append(k / count * _circle(6 * k))

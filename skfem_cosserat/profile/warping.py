@@ -49,7 +49,8 @@ class MaterialAnisotropic(Frozen):
     """
 
     def __init__(self, elasticity: ArrayLike, rho: float) -> None:
-        item, name = "material", "elasticity"
+        item = "material"
+        name = "elasticity"
         C = self.elasticity = symmetric(item, name, shaped(item, name, elasticity, (6, 6)))
         lowest, highest = np.linalg.eigvalsh(C)[[0, -1]]
         if lowest <= 1e-12 * highest:
@@ -235,7 +236,8 @@ def _free(basis: Basis) -> IndexArray:
     """Unknowns of the warping when its four rigid motions are held at two vertices."""
     vertices = basis.nodal_dofs[0]
     p = basis.mesh.p[:, : len(vertices)]
-    near, far = vertices[np.argmin(p[0])], vertices[np.argmax(p[0])]
+    near = vertices[np.argmin(p[0])]
+    far = vertices[np.argmax(p[0])]
     return np.delete(np.arange(3 * basis.N), [3 * near, 3 * near + 1, 3 * near + 2, 3 * far + 1])
 
 
@@ -280,7 +282,8 @@ class Warping:
 
     def stresses_at(self, x: Floats) -> Floats:
         """(k, 6 stresses, 6 unit resultants) at points (k, 2) in the section (N/m^2)."""
-        basis, mapping = self.basis, self.basis.mapping
+        basis = self.basis
+        mapping = self.basis.mapping
         known = np.reshape(basis.global_coordinates(), (2, -1)).T
         tind = cKDTree(known).query(x)[1] // basis.dx.shape[1]  # whose quadrature point is nearest
         local = np.full((2, len(x), 1), 1 / 3)
@@ -319,7 +322,8 @@ def solve_warping(mesh: Mesh, order: int, index: IndexArray, elasticities: Float
     intorder = 6 if mesh.affine else 8
     basis = Basis(mesh, element_of(mesh, order), intorder=intorder)
     E, C, M = _matrices(mesh, order, index, elasticities, intorder)
-    z, free = _rigid(basis), _free(basis)
+    z = _rigid(basis)
+    free = _free(basis)
     lu = splu(E[free][:, free], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
 
     def solved(rhs: Floats) -> Floats:
@@ -337,7 +341,8 @@ def solve_warping(mesh: Mesh, order: int, index: IndexArray, elasticities: Float
     w[:, CLASSICAL] = w[:, CLASSICAL] @ inverse
     # shear: its moment grows, the warping of that bending is the rate w'
     flux = C.T @ w + M @ v
-    rate, source = w @ GROWTH, (flux - C @ w) @ GROWTH
+    rate = w @ GROWTH
+    source = (flux - C @ w) @ GROWTH
     shear = solved(source)
     wrong = z.T @ (C.T @ shear + M @ rate)  # resultants that it has besides the unit shear
     w[:, :2] = (shear - w @ wrong)[:, :2]
@@ -369,7 +374,8 @@ class SectionOfProfile(Section):
 
 def _turned(angle: float, x: Floats) -> tuple[Floats, Floats]:
     """To turned axes (3, 3), and of six resultants there (6, 6) about the point x (2,)."""
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
     return R, np.block([[R, np.zeros((3, 3))], [-R @ skew(np.append(x, 0.0)), R]])
 
@@ -524,9 +530,11 @@ class ProfileConstants(Frozen):
         True
         """
         item = "profile"
-        o, turn = shaped(item, "origin", origin, (2,)), finite(item, "angle", angle)
+        o = shaped(item, "origin", origin, (2,))
+        turn = finite(item, "angle", angle)
         R3, P = _turned(turn, o)
-        R, D = R3[:2, :2], P @ self.stiffness @ P.T
+        R = R3[:2, :2]
+        D = P @ self.stiffness @ P.T
 
         def about(moments: Floats, weight: float, centre: Floats) -> Floats:
             mixed = weight * np.outer(o, centre)
@@ -577,7 +585,8 @@ class ProfileConstants(Frozen):
         """(k, 3, 6) at points of closed polygons, for unit resultants: just inside of these."""
         places = []
         for loop in skin:
-            before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
+            before = loop - np.roll(loop, 1, axis=0)
+            after = np.roll(loop, -1, axis=0) - loop
             along = sum(each / np.linalg.norm(each, axis=1)[:, None] for each in (before, after))
             inward = along @ [[0, 1], [-1, 0]]  # the material is on the left
             places.append(loop + INSIDE * np.sqrt(self.area) * inward)

@@ -444,7 +444,8 @@ class ActionLoad(Action):
         if not isinstance(load, Load | str):
             raise InputError("action", f"load = {load!r}, expected a load or its name")
         time_function("action", amplitude)
-        self.load, self.amplitude = load, amplitude
+        self.load = load
+        self.amplitude = amplitude
 
     def check(self, system: System) -> None:
         """Raise InputError if it cannot be found in this system."""
@@ -477,7 +478,8 @@ class ActionFunction(Action):
         except Exception as error:
             raise failed("action", "it", error, view.time) from error
         given = answer if isinstance(answer, tuple) else (answer,)
-        system, state = None, None
+        system = None
+        state = None
         for each in given:
             if isinstance(each, Model | System):
                 system = system_of(each)

@@ -69,7 +69,8 @@ def located(bracket: Bracket, trial: Trial, width: float) -> Block:
     """The step to the first state known to be past a zero, to a width (s)."""
     from scipy.optimize import brentq  # slow to import, seldom needed
 
-    known, passed = dict([bracket.a, bracket.b]), {bracket.b[0]: bracket.best}
+    known = dict([bracket.a, bracket.b])
+    passed = {bracket.b[0]: bracket.best}
 
     def number(size: float) -> float:
         if size not in known:
@@ -383,7 +384,8 @@ class EventMonitor:
     def __init__(
         self, events: list[Event], factory: StepperFactory, stepper: Stepper, state: State
     ) -> None:
-        self.events, self.factory = list(events), factory
+        self.events = list(events)
+        self.factory = factory
         self._times: dict[str, list[float]] = {event.name: [] for event in events}
         #: sign of each event's number, of one that is zero that before it
         self._sides = [0] * len(events)
@@ -453,14 +455,16 @@ class EventMonitor:
     @staticmethod
     def _near(values: Floats) -> IndexArray:
         """Steps in which a number may come near to zero, which are looked at alone."""
-        near, side = NEAR * abs(values).max(axis=0), np.sign(values[2:])
+        near = NEAR * abs(values).max(axis=0)
+        side = np.sign(values[2:])
         before, start, end = side * values[:-2], side * values[1:-1], side * values[2:]
         apart = (start > near) & (end > near) & ~comes_near(before, start, end)
         return np.flatnonzero(~apart.all(axis=1))
 
     def _pass(self, times: Floats, numbers: Floats, which: Any = True) -> None:
         """Go on behind states at these times, with the signs of some numbers at the last one."""
-        self._last, self._numbers = times[-2:], numbers[-2:]
+        self._last = times[-2:]
+        self._numbers = numbers[-2:]
         signs = np.sign(numbers[-1])
         self._sides = np.where(which & (signs != 0), signs, self._sides).astype(int).tolist()
 
@@ -491,7 +495,8 @@ class EventMonitor:
         """Events that have happened at the end of a step of this size (s), and their numbers."""
         events = []
         for j, (event, bracket) in enumerate(zip(self.events, brackets, strict=True)):
-            value, side = event.value(view), self._sides[j]
+            value = event.value(view)
+            side = self._sides[j]
             if bracket is not None and size > bracket.a[0]:
                 side = bracket.side
             if self._met(j, value, side):
@@ -516,7 +521,8 @@ class EventMonitor:
     def _bracket(self, j: int, trials: _Trials, value: float) -> Bracket | None:
         """Bracket of a zero of a number in the step to this value; None: there is none."""
         event, side, start = self.events[j], self._sides[j], self._now[j]
-        a, b = (0.0, max(start * side, 1e-300)), (trials.h, value * side)
+        a = (0.0, max(start * side, 1e-300))
+        b = (trials.h, value * side)
         if self._met(j, value, side):
             return Bracket(side, a, b, trials.step)
         if not b[1] > 0 or event.condition.monotonic or self._jumps(j, value):
@@ -524,7 +530,8 @@ class EventMonitor:
         trial = trials.of(event, side)
         try:
             if len(self._last) > 1:
-                before, time = float(self._numbers[0, j]), float(self._last[0])
+                before = float(self._numbers[0, j])
+                time = float(self._last[0])
                 if self._jumps(j, before):
                     return None
                 near = comes_near(side * before, a[1], b[1], (trials.state.time - time) / trials.h)

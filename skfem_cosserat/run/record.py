@@ -53,7 +53,8 @@ class Works:
     """
 
     def __init__(self) -> None:
-        self.sums, self.drives = np.zeros(4), 0.0
+        self.sums = np.zeros(4)
+        self.drives = 0.0
 
     def begin(self, stepper: Stepper, state: State, loss: float = 0.0) -> None:
         """Start, or go on with another state or system at the expense of an energy."""
@@ -132,7 +133,8 @@ def _of_strains(block: Block) -> Floats | float:
     The stresses of a step that is no discrete derivative do not belong to the mean of the strains
     at its ends; what a strain without stress takes is by those that it meets.
     """
-    system, scheme = block.system, block.integrator.scheme(1.0)
+    system = block.system
+    scheme = block.integrator.scheme(1.0)
     if not system.loading.strained or scheme is None or scheme.ends:
         return 0.0
     steps = block.single
@@ -217,7 +219,8 @@ class Record:
             }
         self.writer = HistoryWriter(meta, static, path)
         self.bank = SensorBank(checked, self.writer)
-        self.works, self.iterations = Works(), 0
+        self.works = Works()
+        self.iterations = 0
         self._complete: History | None = None
         self._status = "failed"
         self._finished: Mapping[str, Any] = {}
@@ -229,9 +232,11 @@ class Record:
 
     def _begin(self, state: State, loss: float = 0.0) -> None:
         """Start with a state that no step led to, which is recorded."""
-        system, integrator = self.system, self.stepper.integrator
+        system = self.system
+        integrator = self.stepper.integrator
         self.works.begin(self.stepper, state, loss)
-        self._start, self._at_end = state, integrator.constraint_weight == 1
+        self._start = state
+        self._at_end = integrator.constraint_weight == 1
         #: the first and the last three steps since then
         self._early: list[StepReport] = []
         self._late: list[StepReport] = []
@@ -337,7 +342,8 @@ class Record:
 
     def _write(self) -> None:
         """Write rows that wait; the force of the start is known by now."""
-        rows, self._waiting = joined(self._waiting), []
+        rows = joined(self._waiting)
+        self._waiting = []
         if rows["step"][0] == self._start.index:
             rows["constraint_force"][0] = self._start_force()
         wanted = rows["wanted"]
@@ -357,7 +363,8 @@ class Record:
 
     def _finish(self) -> None:
         """Complete the row of the present state, which no step follows, and write all."""
-        row, state = self._state, self._end
+        row = self._state
+        state = self._end
         if row is self._finished:  # and could not be written
             return
         self._finished = row
@@ -600,7 +607,8 @@ def restart(
         if any(np.isnan(each).any() for each in carried.values()):
             carried = {}
         origin = None if np.isnan(size) else StepOrigin(integrator.name, size)
-        p, fresh = np.array(row["carried"]), bool(row["fresh"])
+        p = np.array(row["carried"])
+        fresh = bool(row["fresh"])
         return State(t, index, q, p, fresh, turns, carried, origin)
     p = np.array(row["p"])
     if not np.isfinite(p).all():

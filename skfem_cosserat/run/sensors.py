@@ -374,7 +374,8 @@ class _AlongBeam(Sensor):
         if length.shape != ():
             raise InputError("sensor", f"s has shape {length.shape}, expected a number")
         beam.along(length[None], part)
-        self.s, self.part = float(length), part
+        self.s = float(length)
+        self.part = part
 
     def _section(self, beam: Beam) -> SectionPlaces:
         """The point on a beam, which may be another one in a copy."""
@@ -436,7 +437,8 @@ class SensorPosition(_AlongBeam):
             raise InputError("sensor", f"s = {s!r} is for beams, not for the {where.label}")
         if frame is not None and (not isinstance(frame, Place) or frame.triad is None):
             raise InputError("sensor", f"frame = {frame!r}, expected the place of a frame")
-        self.where, self.frame = where, frame
+        self.where = where
+        self.frame = frame
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """Copy for other items; a body that stands for a beam has the point where it was."""
@@ -608,7 +610,8 @@ class SensorQuantity(Sensor):
     ) -> None:
         if not callable(function):
             raise InputError("sensor", f"function = {function!r} is not callable")
-        self.function, self.unit = function, unit
+        self.function = function
+        self.unit = unit
 
     @property
     def _of_the_user(self) -> bool:
@@ -647,7 +650,8 @@ class SensorBank:
     """
 
     def __init__(self, sensors: Mapping[str, Sensor], writer: HistoryWriter) -> None:
-        self.sensors, self.writer = sensors, writer
+        self.sensors = sensors
+        self.writer = writer
         self._shapes: dict[str, Floats] = {}
         self._last = np.nan
 
@@ -655,11 +659,13 @@ class SensorBank:
         """Look at states of a run, whose rows are complete; a sensor may raise."""
         if not self.sensors:
             return
-        t, states = rows["t"], (rows["q"], rows["carried"], rows.get("turns"))
+        t = rows["t"]
+        states = (rows["q"], rows["carried"], rows.get("turns"))
         window = Window(system, t, *states, force=rows["constraint_force"])
         # a state after an event is where that before it is
         apart = np.diff(t, prepend=self._last) != 0
-        self._last, arrays = t[-1], {}
+        self._last = t[-1]
+        arrays = {}
         for name, sensor in self.sensors.items():
             some = slice(None) if sensor.forces else apart
             arrays[f"{name}/t"] = t[some]
@@ -685,7 +691,8 @@ class SensorBank:
 
 def seen(name: str, sensor: Sensor, window: Window) -> Floats:
     """Values of a sensor in a window: real numbers, for each of its instants."""
-    item, times = f"sensor {name!r}", window.t
+    item = f"sensor {name!r}"
+    times = window.t
     try:
         values = numbers(item, "values", sensor.values(window.system, window))
     except InputError:

@@ -240,7 +240,8 @@ class _SteeredStage(Stage):
     """Steps of a parameter: of what has this gradient (rows, 3), or of the load factor."""
 
     def __init__(self, control: _Steered, start: float, gradient: Floats | None = None) -> None:
-        self._gradient, self.parameter = gradient, start
+        self._gradient = gradient
+        self.parameter = start
         self.stops = self._ends(control, start)
         way = self.stops[-1] - start
         self.fixed = control.steps is not None
@@ -369,7 +370,8 @@ class DisplacementControl(_Steered):
         if not np.linalg.norm(n) > 0:
             raise InputError(item, f"direction = {direction!r} has no length")
         super().__init__(until, steps, at, first, longest, turn)
-        self.place, self.direction = place, n / np.linalg.norm(n)
+        self.place = place
+        self.direction = n / np.linalg.norm(n)
 
     def stage(self, system: System, point: Point) -> Stage:
         """Start at a point, with steps of the displacement of the place."""

@@ -72,7 +72,8 @@ def first_point(
         return start.point, start.direction
     q, turns, t, item = system.q0, None, 0.0, "argument start"
     if start is not None:
-        q, turns = checked_start(system, start).q, start.turns
+        q = checked_start(system, start).q
+        turns = start.turns
         time = finite(item, "time", start.time)
         if held is not None and time != held:
             raise InputError(
@@ -142,7 +143,8 @@ class PathRecorder:
     def __init__(
         self, solver: PathSolver, meta: dict[str, Any], path: FilePath | None, notices: Notices
     ) -> None:
-        self.solver, system = solver, solver.system
+        self.solver = solver
+        system = solver.system
         described, static = describe(system)
         described |= {"integrator": "static", "step": 0.0, "time": solver.schedule.time, **meta}
         #: of each factor whose it is, and whether it is a function of time
@@ -174,11 +176,13 @@ class PathRecorder:
 
         Not with `later` ones, which are of the next point.
         """
-        solver, system = self.solver, self.solver.system
+        solver = self.solver
+        system = self.solver.system
         effort = np.array([solver.iterations, solver.attempts]) - self._spent - later
         self._spent += effort
         q = point.y[: system.rows].reshape(-1)
-        amplitudes, zero = solver.schedule.at(point.t), np.zeros(system.n)
+        amplitudes = solver.schedule.at(point.t)
+        zero = np.zeros(system.n)
         loads = load_force(system, point.y, amplitudes).reshape(-1)
         if self._before is not None:  # work by the trapezoidal rule between the points
             q0, before = self._before
@@ -301,7 +305,8 @@ class Continuation:
         interrupt: Interrupt,
     ) -> tuple[str, Diverged | None]:
         """Follow the path; gives the status it ended with."""
-        self.recorder, self.point = recorder, first
+        self.recorder = recorder
+        self.point = first
         try:
             point = self._started(first) if direction is None else first
             held = not self.solver.schedule.moving
@@ -331,7 +336,8 @@ class Continuation:
     def _started(self, first: Point) -> Point:
         """The equilibrium near a start, in which no motion is free."""
         solver, point, where = self.solver, first, "at the start"
-        report, loose = None, self._loose(first)
+        report = None
+        loose = self._loose(first)
         if not solver.balanced(first):
             solution = None
             if loose is None:
@@ -339,7 +345,8 @@ class Continuation:
             if solution is None:
                 solution, report = solver.relaxed(first, Functional())
             if solution is not None:
-                report, point = None, solution.point
+                report = None
+                point = solution.point
                 where = "in the equilibrium to which the loads of the start lead"
                 loose = self._loose(point)
         if loose is not None:
@@ -392,7 +399,8 @@ class Continuation:
 
     def _advance(self, point: Point, stage: Stage) -> tuple[bool, Point]:
         """Whether the next point is one that was asked for, and that point."""
-        limit, losses = self.limit, 0
+        limit = self.limit
+        losses = 0
         residuals: list[list[float]] = []
         while True:
             length = self._prescribed(point, stage.trial())
@@ -446,7 +454,8 @@ class Continuation:
             report = other
         if solution is None:
             return None, report
-        turn, jumps = rotation(self.system, point.y, solution.point.y), self._jumps(point, solution)
+        turn = rotation(self.system, point.y, solution.point.y)
+        jumps = self._jumps(point, solution)
         return _Step(point, solution, functional, length, turn, jumps, relaxed), report
 
     def _solve(self, point: Point, functional: Functional) -> tuple[Solution | None, NewtonReport]:
@@ -455,7 +464,8 @@ class Continuation:
         The first solve leaves these alone. Else each step would move along them by rounding over
         rounding, and how far, or whether its iteration shows it, is luck.
         """
-        solver, neutral = self.solver, self.solver.neutral
+        solver = self.solver
+        neutral = self.solver.neutral
         solution, report = solver.solve(point, functional)
         if solution is None and neutral.motions:
             solver.neutral = Neutral()
@@ -465,7 +475,8 @@ class Continuation:
 
     def _look(self, step: _Step) -> None:
         """Look at the stability of a step's end, and for critical points on the way to it."""
-        point, before = step.solution.point, self._stability
+        point = step.solution.point
+        before = self._stability
         if not self.watch or step.relaxed:
             return  # what is critical there is looked for in the next step
         step.end = stability = self._inspected(point)
@@ -511,7 +522,8 @@ class Continuation:
             entry = {"kind": found.kind, "load_factor": point.t, "state": self.recorder.count}
             self.critical.append({**entry, "multiplicity": found.multiplicity})
             logger.info("%s point at load factor %.9g", found.kind, point.t)
-            force, kind = found.constraint_force, found.kind
+            force = found.constraint_force
+            kind = found.kind
             self.recorder.take(point, at, force, 0.0, found.stability, kind, own)
             loaded = isinstance(self.control, LoadControl) and self.limit is not None
             if found.kind == "limit" and loaded:
@@ -527,7 +539,8 @@ class Continuation:
         rows = self.system.rows
         self._rate = (solution.point.y[:rows] - start.y[:rows]) / step.length
         if asked or self.control.all_points:
-            force, residual = solution.constraint_force, solution.report.residual
+            force = solution.constraint_force
+            residual = solution.report.residual
             self.recorder.take(solution.point, stage.parameter, force, residual, self._stability)
         stage.adapt(solution.report.iterations, step.length)
         return asked
@@ -538,8 +551,10 @@ class Continuation:
 
     def _jumps(self, point: Point, solution: Solution) -> bool:
         """True if a point is much farther away than the tangents lead: on another branch."""
-        change, motion = solution.point.t - point.t, self._moved(point, solution)
-        first, last = self._first, self._stability
+        change = solution.point.t - point.t
+        motion = self._moved(point, solution)
+        first = self._first
+        last = self._stability
         if first is not None and last is not None and last.pivot <= CRITICAL * first.pivot:
             # tangents of a limit point lead anywhere, what goes on from there moves less at once
             near, _ = self._solve(point, Functional(value=SHORT * change))
@@ -569,7 +584,8 @@ class Continuation:
 
     def _warn_of_step(self, step: _Step) -> None:
         """Say what is doubtful about a step."""
-        start, end = step.start.t, step.solution.point.t
+        start = step.start.t
+        end = step.solution.point.t
         between = f"between the load factors {start:.6g} and {end:.6g}"
         limits = [each for each in step.critical if each.kind == "limit"]
         doubts = (
@@ -603,7 +619,8 @@ class Continuation:
 
     def _limp(self) -> bool:
         """True if the stiffness of some motion is nearly lost."""
-        first, last = self._first, self._stability
+        first = self._first
+        last = self._stability
         if first is None or last is None or not (first.symmetric and last.symmetric):
             return False
         return first.smallest > first.floor and last.smallest <= LIMP * first.smallest
@@ -616,25 +633,29 @@ class Continuation:
         residuals: list[list[float]] | None = None,
     ) -> Diverged:
         """Why the path ends, and what to do."""
-        found, advice = report.reason, "try shorter steps, then a finer mesh"
+        found = report.reason
+        advice = "try shorter steps, then a finer mesh"
         y = self.solver.ended.y
         forces = self.system.couplings.forces(y, np.zeros_like(y)) if np.isfinite(y).all() else []
         slack = [item.label for item, _, force in forces if item.slack and not force.any()]
         if drawn := overstretched(self.system, point.y, self.solver.schedule.at(point.t).loads):
-            found, advice = f"{drawn}. Newton's method: {found}", "refine the mesh there"
+            found = f"{drawn}. Newton's method: {found}"
+            advice = "refine the mesh there"
         elif not self.recorder.count:
             advice = "start nearer to an equilibrium"
         elif slack:
             found += f"; the {slack[0]} is slack where that ended"
             advice = "hold by something else what it held"
         elif isinstance(self.control, DisplacementControl) and UNMOVED in found:
-            place, way = self.control.place.label, self.control.direction.round(6).tolist()
+            place = self.control.place.label
+            way = self.control.direction.round(6).tolist()
             advice = f"the loads do not move {place} along {way}: choose what they move"
         elif isinstance(self.control, LoadControl):
             advice = f"{BEYOND}; else try a finer mesh"
             with suppress(ArithmeticError, ValueError, RuntimeError):
                 if self._limp():
-                    found, advice = f"a limit point is near. Newton's method: {found}", BEYOND
+                    found = f"a limit point is near. Newton's method: {found}"
+                    advice = BEYOND
         soft = {limp(beam): None for beam in filter(is_beam, self.system.structures)}
         return Diverged(
             point.t,
