@@ -486,8 +486,7 @@ def _revolved(radii: Floats, heights: Floats, end: float, sides: int) -> tuple[F
     j = (i + 1) % sides
     last = sides * (len(rings) - 1)
     top = np.full(sides, len(points) - 2)
-    bottom = np.full(sides, len(points) - 1)
-    faces = [(top, i, j), (bottom, j + last, i + last)]
+    faces = [(top, i, j), (np.full(sides, len(points) - 1), j + last, i + last)]
     for k in range(0, last, sides):
         faces += [(i + k, i + k + sides, j + k + sides), (i + k, j + k + sides, j + k)]
     return points, np.vstack([np.column_stack(face) for face in faces])

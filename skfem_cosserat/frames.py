@@ -500,8 +500,7 @@ class MotionTurn(Motion):
     def frame(self, place: Place, t: float) -> Floats:
         """Rows ``(x, d1, d2, d3)`` (4, 3) of a ground place turned by the angle at time ``t``."""
         item = f"turning motion of the {place.label}"
-        expected = f"a finite number at t = {t!r}"
-        value = finite(item, "angle", self.angle(t), expected)
+        value = finite(item, "angle", self.angle(t), f"a finite number at t = {t!r}")
         R = rotation_matrix(exp_quaternion(value * self.axis))
         out = np.empty((4, 3))
         out[0] = self.centre + R @ (place.position - self.centre)

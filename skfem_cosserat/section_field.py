@@ -274,8 +274,7 @@ class SectionSampled(SectionField):
         )
         mass = float(density[0, 0])
         centre = density[0, 1:] / mass
-        outline = row[near].outline
-        return Section(stiffness, mass, density[1:, 1:], outline, viscosity, centre)
+        return Section(stiffness, mass, density[1:, 1:], row[near].outline, viscosity, centre)
 
 
 def distinct(sections: Array) -> tuple[list[Section], IndexArray]:

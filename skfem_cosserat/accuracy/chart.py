@@ -117,9 +117,7 @@ def _draw(axis: Any, line: Line, style: Style) -> None:
         what = found.verdict.partition(":")[0].partition(";")[0]
     label = f"{line.label}: {what}" if line.label else what
     sure = {"linestyle": "-"} if _sure(line) else {"linestyle": "--", "markerfacecolor": "none"}
-    x = found.sizes[shown]
-    y = found.errors[shown]
-    axis.plot(x, y, label=label, **{**style._asdict(), **sure})
+    axis.plot(found.sizes[shown], found.errors[shown], label=label, **{**style._asdict(), **sure})
     _crosses(axis, found.sizes[~line.solved], 0.04, color=color, clip_on=False)
     if found.rounding > 0 and (found.errors[shown] < 100 * found.rounding).any():
         axis.axhline(100 * found.rounding, color=color, linestyle=":", linewidth=0.8)

@@ -50,8 +50,7 @@ def _with_joint_rates(
     :func:`~skfem_cosserat.project`.
     """
     y = system.extend(q, t)
-    p = diagnostics.momentum(system, v)
-    nearest = nearest_velocity(system, y, p, t)
+    nearest = nearest_velocity(system, y, diagnostics.momentum(system, v), t)
     if not rates:
         return nearest
     slopes = np.array([_gradient(system, name, y) for name in rates])
@@ -495,8 +494,7 @@ def carry_state(source: Model | System, target: Model | System, state: State) ->
     q, v = _settled(source, target, state.q, q, v, state.time)
     q, v = _held(source, target, q, v, state.time)
     p = diagnostics.momentum(target, v)
-    factor = state.load_factor
-    return State(state.time, state.index, q, p, True, state.turns, load_factor=factor)
+    return State(state.time, state.index, q, p, True, state.turns, load_factor=state.load_factor)
 
 
 def _settled(

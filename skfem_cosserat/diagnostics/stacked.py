@@ -414,8 +414,7 @@ def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> t
     """The frequency of :func:`constraint_frequency`, and the row of the frame that turns most."""
     rows = system.kinematics.director_rows
     d = q.reshape(-1, 3)[rows]
-    f = -constraint_force.reshape(-1, 3)[rows]
-    A = np.einsum("nia,nib->nab", f, d)
+    A = np.einsum("nia,nib->nab", -constraint_force.reshape(-1, 3)[rows], d)
     blocks = (A + A.transpose(0, 2, 1)) / 2 - np.trace(A, 0, 1, 2)[:, None, None] * np.eye(3)
     # rates of directors for unit rotations of their frames
     turned = cross(np.eye(3), d[:, :, None])

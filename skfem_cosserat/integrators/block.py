@@ -327,8 +327,7 @@ class StepReport:
     def y1(self) -> Floats:
         """All rows (total, 3) at its end."""
         q = self.block.q[self.number]
-        ground = self.block.ground[self.number]
-        return np.concatenate([q.reshape(-1, 3), ground])
+        return np.concatenate([q.reshape(-1, 3), self.block.ground[self.number]])
 
     @property
     def momentum(self) -> Floats:

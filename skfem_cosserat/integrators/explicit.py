@@ -274,8 +274,7 @@ class Nodes:
         every = np.zeros_like(y)
         every[: len(f)] = f
         own = every[self.bodies.rows]
-        rows = self.bodies.rows
-        own[:, 1] = director_force(y[rows[:, 1:]], own[:, 1:])
+        own[:, 1] = director_force(y[self.bodies.rows[:, 1:]], own[:, 1:])
         return own[:, :2]
 
     def velocities(self, y: Floats) -> Callable[[Floats], Floats]:

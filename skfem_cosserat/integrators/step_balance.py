@@ -386,8 +386,7 @@ class StepBalance:
         p = s.carry[0] * e.inertia + s.carry[1] * step.p0 + (s.carry[2] * s.force) * e.forces
         time = step.state.time + self.h
         rates = self.rates(step, e)
-        work = self.work(step, e)
-        return self.handed_on(e.y1, e.dq, p, step.rates0, rates, work, time)
+        return self.handed_on(e.y1, e.dq, p, step.rates0, rates, self.work(step, e), time)
 
     def rates(self, step: StepData, evaluation: Evaluation) -> Floats | None:
         """Rates (k, rows, 3) at the end of the step, before velocities are moved."""
@@ -484,10 +483,8 @@ class StepBalance:
         if step.couplings is None or e.coupled is None or start.coupled is None:
             return StepWork(loads, dissipated=lost)
         couplings = system.couplings
-        first = couplings.starting(step.y0, turns, at0.actuators, 1.0, t0)
-        starts = (first, step.couplings)
-        forces = (start.coupled, e.coupled)
-        done = trapezoidal_work(couplings, starts, forces, e.y1, rows)
+        starts = (couplings.starting(step.y0, turns, at0.actuators, 1.0, t0), step.couplings)
+        done = trapezoidal_work(couplings, starts, (start.coupled, e.coupled), e.y1, rows)
         return done._replace(loads=loads + done.loads, dissipated=lost)
 
     def _damped_work(

@@ -185,8 +185,7 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
     """
     ends, starts = (np.append(0.0, np.cumsum(m.lengths)) for m in (mesh, other))
     total = ends[-1]
-    same = abs(ends[-1] - starts[-1]) <= POSITION_TOLERANCE * max(ends[-1], starts[-1])
-    if not same:
+    if not abs(ends[-1] - starts[-1]) <= POSITION_TOLERANCE * max(ends[-1], starts[-1]):
         raise MeshError(
             "mesh", f"its lines are {starts[-1]:.9g} m long, of the mesh before {total:.9g} m"
         )

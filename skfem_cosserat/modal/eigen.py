@@ -452,8 +452,7 @@ class _Inverse:
 
     def __call__(self, z: Array) -> Array:
         a = z[: self.n]
-        b = z[self.n :] * self.shift
-        x = -self._solve(self._right @ a + self.M @ b)
+        x = -self._solve(self._right @ a + self.M @ (z[self.n :] * self.shift))
         return np.concatenate([x, a / self.shift + x])
 
     def largest(self, k: int | None) -> tuple[Array, Array]:

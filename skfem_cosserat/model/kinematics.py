@@ -365,8 +365,7 @@ class TwistMap:
         rows, factors = self._combine
         both = (factors @ y.take(rows, axis=0))[:, 0]
         x = both[: len(self.spots)]
-        axes = both[len(self.spots) :]
-        hinges, left, right = self.kin.split(axes)
+        hinges, left, right = self.kin.split(both[len(self.spots) :])
         axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
         arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
         left = left[self._slide_of]

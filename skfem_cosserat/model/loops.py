@@ -59,9 +59,7 @@ def independent_null_space(rows: csr_matrix) -> csr_matrix:
     """
     count, size = rows.shape
     order, L, _ = lu(rows.toarray().T, p_indices=True)  # overwriting is wrong in scipy 1.18.1
-    first = L[:count]
-    rest = L[count:]
-    part = -solve_triangular(first, rest.T, trans="T", lower=True, unit_diagonal=True)
+    part = -solve_triangular(L[:count], L[count:].T, trans="T", lower=True, unit_diagonal=True)
     return csr_matrix(vstack([csr_matrix(part), identity(size - count)]).tocsr()[order])
 
 

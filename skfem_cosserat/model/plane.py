@@ -390,8 +390,7 @@ def _section(law: Law, D: Floats, density: Floats, nu: Floats) -> str:
         return f"the {found}"
     eps = PROBE * law.scale
     here = law.energy(eps)
-    there = law.energy(eps @ _flip(nu))
-    worst = float((abs(here - there) / abs(here)).max())
+    worst = float((abs(here - law.energy(eps @ _flip(nu))) / abs(here)).max())
     if worst > TOLERANCE:
         return f"the stored energy is not that of the mirror image (by {worst:.6g}, relative)"
     return ""

@@ -342,8 +342,7 @@ def solve_warping(mesh: Mesh, order: int, index: IndexArray, elasticities: Float
     # shear: its moment grows, the warping of that bending is the rate w'
     flux = C.T @ w + M @ v
     rate = w @ GROWTH
-    source = (flux - C @ w) @ GROWTH
-    shear = solved(source)
+    shear = solved((flux - C @ w) @ GROWTH)
     wrong = z.T @ (C.T @ shear + M @ rate)  # resultants that it has besides the unit shear
     w[:, :2] = (shear - w @ wrong)[:, :2]
     v[:, :2] = (rate - v @ wrong)[:, :2]

@@ -608,8 +608,7 @@ def restart(
             carried = {}
         origin = None if np.isnan(size) else StepOrigin(integrator.name, size)
         p = np.array(row["carried"])
-        fresh = bool(row["fresh"])
-        return State(t, index, q, p, fresh, turns, carried, origin)
+        return State(t, index, q, p, bool(row["fresh"]), turns, carried, origin)
     p = np.array(row["p"])
     if not np.isfinite(p).all():
         p = np.array(row["carried"])

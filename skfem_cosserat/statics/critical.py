@@ -99,8 +99,7 @@ class Stability:
         if not (self.symmetric and self.unstable and self.neutral):
             return self.unstable
         K = self.tangent.K
-        metric = self.tangent.metric
-        return negative_pivots(0.5 * (K + K.T) + 2 * self.floor * metric)[0]
+        return negative_pivots(0.5 * (K + K.T) + 2 * self.floor * self.tangent.metric)[0]
 
     def neutral_motions(self, system: System, beside: Floats | None = None) -> Neutral:
         """Motions that nothing holds, normal to the one (rows, 3) that a branch sets off along.

@@ -523,8 +523,7 @@ class Continuation:
             self.critical.append({**entry, "multiplicity": found.multiplicity})
             logger.info("%s point at load factor %.9g", found.kind, point.t)
             force = found.constraint_force
-            kind = found.kind
-            self.recorder.take(point, at, force, 0.0, found.stability, kind, own)
+            self.recorder.take(point, at, force, 0.0, found.stability, found.kind, own)
             loaded = isinstance(self.control, LoadControl) and self.limit is not None
             if found.kind == "limit" and loaded:
                 reason = (
