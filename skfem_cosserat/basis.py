@@ -461,9 +461,7 @@ class ElementForm(Form):
 
     def __call__(self, *args: Any) -> Any:
         """Use as a decorator."""
-        if self.form is None:
-            return type(self)(args[0])
-        return super().__call__(*args)
+        return type(self)(args[0]) if self.form is None else super().__call__(*args)
 
     def _assemble(
         self, basis: Any, *, idx: Any = None, **params: Any

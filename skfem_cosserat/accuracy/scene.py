@@ -450,9 +450,7 @@ class Case(NamedTuple):
     @property
     def richer(self) -> Case:
         """The next order, after the highest one twice as many elements."""
-        if self.order < HIGHEST:
-            return self._replace(order=self.order + 1)
-        return self.finer
+        return self._replace(order=self.order + 1) if self.order < HIGHEST else self.finer
 
 
 # -- the scene on any mesh -------------------------------------------------------------------------

@@ -98,9 +98,7 @@ def nearest_velocity(system: System, y: Floats, p: Floats, t: float | None) -> F
     ``M v = p - G(y)^T mu``, ``G(y) v + g_t = 0`` at y (total, 3), for None ``G(y) v = 0``.
     """
     rate = hidden_rate(system, y, t)
-    found = None
-    if is_lattice(system):
-        found = _velocity_of_lattice(system, y, p, rate)
+    found = _velocity_of_lattice(system, y, p, rate) if is_lattice(system) else None
     return saddle_point(system)(y, p, rate)[0] if found is None else found
 
 

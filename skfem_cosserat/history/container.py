@@ -863,9 +863,7 @@ class History(Shown):
         rows = self._rows(place, s, part)
         if rows.shape[-2] == 1:
             raise InputError(place.label, "a mass point has no directors: it does not rotate")
-        if s is None:
-            return rows[..., 1:, :]
-        return nearest_rotations(rows[..., 1:, :])
+        return rows[..., 1:, :] if s is None else nearest_rotations(rows[..., 1:, :])
 
     def velocity(
         self, place: Place | Beam, s: ArrayLike | None = None, part: str | None = None

@@ -843,9 +843,7 @@ class MeshCurve(Frozen, MeshLine1):
 
     def __add__(self, other: MeshCurve) -> Self:
         """Join two meshes, as ``self.joined(other)``."""
-        if not isinstance(other, MeshCurve):
-            return NotImplemented
-        return self.joined(other)
+        return NotImplemented if not isinstance(other, MeshCurve) else self.joined(other)
 
     def directed(self) -> Self:
         """Copy in which the elements of each beam run head to tail; itself, if they do."""
