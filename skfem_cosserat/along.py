@@ -57,7 +57,7 @@ class Along(Frozen):
 
     def __init__(self, item: str, name: str, given: Any, size: int) -> None:
         self.item, self.name, self.size, self._given = item, name, size, given
-        if isinstance(given, tuple | list) and len(given) == 2 and np.ndim(given[0]):
+        if isinstance(given, (tuple, list)) and len(given) == 2 and np.ndim(given[0]):
             values = shaped(item, name, given[1], (np.size(given[0]), size))
             given = Stations(f"{item}, table of {name}", given[0], values)
         elif not callable(given):

@@ -59,7 +59,7 @@ _KINDS: dict[Any, tuple[str, Callable[[Any], bool]]] = {
     _Array: ("an array of numbers", lambda value: 0 < _sizes(value).ndim < 9),
     _Vector: ("three real numbers", lambda value: _sizes(value).shape == (3,)),
     float: ("a real number", lambda value: _sizes(value).shape == ()),
-    int: ("an integer", lambda value: isinstance(value, int | np.integer)),
+    int: ("an integer", lambda value: isinstance(value, (int, np.integer))),
     NoneType: ("None", lambda value: value is None),
     Any: ("anything", lambda value: True),
     ...: ("", lambda value: False),  # of tuple[float, ...]
@@ -148,7 +148,7 @@ def checked(thing: T) -> T:
     if isinstance(thing, type):
         for name, own in list(vars(thing).items()):
             public = name == "__init__" or not name.startswith("_")
-            if public and isinstance(own, FunctionType | classmethod):
+            if public and isinstance(own, (FunctionType, classmethod)):
                 type.__setattr__(thing, name, checked(own))
         return thing
     function = cast("Callable[..., Any]", thing)

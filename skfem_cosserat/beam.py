@@ -231,7 +231,7 @@ class Beam(LineItem):
         return given, number
 
     def _section(self, text: str, given: Any) -> Section | SectionField:
-        if isinstance(given, Section | SectionField):
+        if isinstance(given, (Section, SectionField)):
             return given
         if not callable(given) or isinstance(given, type):
             expected = "expected Section, SectionField, function of arc length or dict of them"

@@ -241,7 +241,7 @@ class LineItem(StructuralItem):
     where = "beam.node('tip')"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Place(Attached):
     """A material point of an item, or a point of the ground.
 

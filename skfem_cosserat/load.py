@@ -531,7 +531,7 @@ class Load(Item):
                 raise InputError(self.label, f"terms() gives {made!r}, expected a list of terms")
             found = tuple(made)
             for term in found:
-                if not isinstance(term, TermForce | TermLine | TermAcceleration):
+                if not isinstance(term, (TermForce, TermLine, TermAcceleration)):
                     text = f"has {term!r} among its terms, expected TermForce(...) or the like"
                     raise InputError(self.label, text)
             self._made_of = found
@@ -842,7 +842,7 @@ class LoadGravity(Load):
     """
 
     def __init__(self, value: Any, amplitude: Amplitude = None) -> None:
-        if isinstance(value, int | float | np.number):
+        if isinstance(value, (int, float, np.number)):
             raise InputError(
                 "gravity",
                 f"value = {value!r} has no direction, expected a vector in space such as"

@@ -48,20 +48,20 @@ def brief(value: Any) -> str:
     """A value in some words: of arrays the numbers if they are few, of functions their names."""
     if isinstance(value, str | bool | int | None):
         return repr(value)
-    if isinstance(value, float | np.number):
+    if isinstance(value, (float, np.number)):
         return f"{value:.6g}"
     if isinstance(value, np.ndarray):
         if value.size > _SHOWN or value.dtype.kind not in "biuf":
             return f"array {value.shape}"
         return brief(value.tolist())
-    if isinstance(value, list | tuple):
+    if isinstance(value, (list, tuple)):
         few = len(value) <= _SHOWN
         return f"[{', '.join(map(brief, value))}]" if few else f"{len(value)} entries"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key!r}: {brief(each)}" for key, each in value.items()) + "}"
     if isinstance(value, partial):
         return f"partial({brief(value.func)})"
-    if isinstance(value, FunctionType | MethodType | type):
+    if isinstance(value, (FunctionType, MethodType, type)):
         return value.__name__
     if isinstance(value, Shown):
         return value._brief()

@@ -408,7 +408,7 @@ def of_the_user(function: object) -> bool:
     >>> of_the_user(RampSmooth(0, 1)), of_the_user(FunctionOfTime(lambda t: t))
     (False, True)
     """
-    while isinstance(function, FunctionOfTime | Component):
+    while isinstance(function, (FunctionOfTime, Component)):
         function = function.function
     return type(function).__module__.partition(".")[0] != __name__.partition(".")[0]
 
@@ -417,7 +417,7 @@ def time_function(item: str, value: Amplitude) -> TimeFunction:
     """A number, table or function of time as such; None: one."""
     if value is None:
         return Constant(1.0)
-    if isinstance(value, int | float | np.number):
+    if isinstance(value, (int, float, np.number)):
         return Constant(finite(item, "amplitude", value))
     if isinstance(value, TimeFunction):
         return value

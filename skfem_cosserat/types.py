@@ -100,7 +100,7 @@ def real(item: str, name: str, value: Any, expected: str) -> float:
 
 def switch(item: str, value: Any, name: str = "") -> bool:
     """True or False, or an error: any text would count as true."""
-    if not isinstance(value, bool | np.bool_):
+    if not isinstance(value, (bool, np.bool_)):
         given = f"{name} = {value!r}" if name else repr(value)
         raise InputError(item, f"{given}, expected True or False")
     return bool(value)
@@ -119,7 +119,7 @@ def spread(count: int, most: int = 20) -> IndexArray:
 
 def file_path(item: str, value: Any) -> Path:
     """The name of a file, or an error naming the argument."""
-    if not isinstance(value, str | os.PathLike):
+    if not isinstance(value, (str, os.PathLike)):
         raise InputError(item, f"{shown(value)}, expected the name of a file")
     if "\0" in os.fsdecode(value):
         raise InputError(item, f"{shown(value)}, names of files hold no zero character")
@@ -148,7 +148,7 @@ def positive(item: str, name: str, value: Any, unit: str = "") -> float:
 
 def is_whole(value: object) -> TypeGuard[int]:
     """True if a value is an integer; truth values are none."""
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def whole(item: str, value: Any, least: int | None, name: str = "") -> int:

@@ -223,7 +223,7 @@ def sum_up(item: str, kind: str, cases: Mapping[str, Sequence[Notice]], where: s
     rank = {kind.__name__: k for k, kind in enumerate(GRAVE)}
     name, worst = min(found, key=lambda each: rank.get(each[1]["category"], len(rank)))
     category = GRAVE[rank[worst["category"]]] if worst["category"] in rank else CosseratWarning
-    count = sum(bool(notices) for notices in cases.values())
+    count = sum(map(bool, cases.values()))
     text = f"{count} of {len(cases)} {kind} gave warnings, such as {name!r}: {in_words(worst)}"
     warn(item, f"{text} (all: {where})", category)
 

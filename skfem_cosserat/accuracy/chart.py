@@ -91,7 +91,7 @@ def convergence_chart(
     figure.suptitle(title)
     for axis, (name, lines) in zip(axes, quantities.items(), strict=True):
         label = _error_label(name, units)
-        if not all(_sure(line) for line in lines):
+        if not all(map(_sure, lines)):
             label += "\n(open: differences between levels)"
         kinds = ", ".join(dict.fromkeys(_with_unit(line.kind) for line in lines))
         axis.set(xscale="log", yscale="log", xlabel=kinds, ylabel=label)

@@ -160,12 +160,12 @@ def as_setups(given: Any) -> list[Setup]:
         If there are none, or one is something else.
     """
     expected = "expected a list of (label, function of the problem)"
-    if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
+    if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
         raise InputError("argument setups", f"{given!r}, {expected}")
     found = []
     labels = set()
     for each in given:
-        if not isinstance(each, tuple | list) or not 2 <= len(each) <= len(Setup._fields):
+        if not isinstance(each, (tuple, list)) or not 2 <= len(each) <= len(Setup._fields):
             raise InputError("argument setups", f"{each!r}, {expected}")
         setup = Setup(*each)
         if not isinstance(setup.label, str) or not setup.label:
@@ -243,7 +243,7 @@ def ended(result: Any) -> tuple[str, str]:
 
 
 @checked
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class PrecisionTable(Report):
     """Result of :func:`work_precision`.
 
@@ -701,7 +701,7 @@ def work_precision(
     chosen = as_setups(setups)
     truth = reference_of(reference, levels=False)
     wanted = Quantities(quantities, norm)
-    if isinstance(repeats, bool) or not isinstance(repeats, int | np.integer) or repeats < 1:
+    if isinstance(repeats, bool) or not isinstance(repeats, (int, np.integer)) or repeats < 1:
         raise InputError("argument repeats", f"{repeats!r}, expected a positive integer")
     if not callable(clock):
         raise InputError("argument clock", f"{clock!r}, expected a function such as process_time")

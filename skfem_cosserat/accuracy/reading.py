@@ -244,7 +244,7 @@ class Quantities:
         self.given = {}
         if given is None:
             return
-        if isinstance(given, str) or not isinstance(given, Mapping | Sequence) or not given:
+        if isinstance(given, str) or not isinstance(given, (Mapping, Sequence)) or not given:
             raise InputError(
                 "argument quantities", f"{given!r}, expected names, or functions by name"
             )
@@ -278,7 +278,7 @@ class Quantities:
         """
         times = None
         if self.over is not None:
-            if not isinstance(result, Mapping | History) or TIMES not in result:
+            if not isinstance(result, (Mapping, History)) or TIMES not in result:
                 raise InputError(
                     "argument norm",
                     f"is one over time, but the problem gave a {type(result).__name__} without"
@@ -618,7 +618,7 @@ def reference_of(given: Any, levels: bool) -> Reference:
     (array(1.), nan)
     """
     others = ReferenceRun | ReferenceFinest if levels else ReferencePair
-    if isinstance(given, ReferenceKnown | others):
+    if isinstance(given, (ReferenceKnown, others)):
         return given
     if levels:
         return Reference() if given is None else ReferenceKnown(given, {})
@@ -626,7 +626,7 @@ def reference_of(given: Any, levels: bool) -> Reference:
         given = partial(_given, given)
     if callable(given):
         return Reference({FINE: given})
-    if given is None or isinstance(given, str | Reference):
+    if given is None or isinstance(given, (str, Reference)):
         raise InputError(
             "argument reference",
             f"{given!r}, expected values, ReferenceKnown, ReferencePair or a function of the"

@@ -211,7 +211,7 @@ def _values(name: str, given: Sequence[Any] | Any) -> list[Any]:
         return []
     kind = ARGUMENTS[name]
     label = f"argument {name}"
-    single = np.isscalar(given) or isinstance(given, skfem.Mesh | Mapping)
+    single = np.isscalar(given) or isinstance(given, (skfem.Mesh, Mapping))
     values = [kind.fits(label, each) for each in ([given] if single else given)]
     if any(a <= b for a, b in pairwise(map(kind.size, values))):
         shown = ", ".join(map(text, values))
@@ -238,7 +238,7 @@ class Held(NamedTuple):
 
 
 @checked
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Refinement(Report):
     """Result of :func:`refine`.
 
@@ -354,7 +354,7 @@ class Refinement(Report):
         outcome = self.outcomes[level]
         row: dict[str, Any] = {"series": series.label} if len(self.series) > 1 else {}
         for name, value in series.levels[level].items():
-            row[name] = value if isinstance(value, int | float) else text(value)
+            row[name] = value if isinstance(value, (int, float)) else text(value)
         row |= {
             "size": float(series.sizes[k]),
             "status": outcome.status,

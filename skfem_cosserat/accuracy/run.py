@@ -90,7 +90,7 @@ class Job:
         return f"<Job {self.name!r}: {called}>"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Outcome:
     """Outcome of a job: a value or an error.
 
@@ -235,7 +235,7 @@ def title_of(problem: Any) -> str:
     bound = problem.keywords if isinstance(problem, partial) else {}
     function = problem.func if isinstance(problem, partial) else problem
     name = str(getattr(function, "__name__", type(function).__name__))
-    short = {key: each for key, each in bound.items() if isinstance(each, int | float | str)}
+    short = {key: each for key, each in bound.items() if isinstance(each, (int, float, str))}
     return f"{name} ({case_name(short)})" if short else name
 
 

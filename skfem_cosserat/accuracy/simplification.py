@@ -34,7 +34,7 @@ KINDS = {"shear": (0, 1), "extension": (2,), "bending": (3, 4), "torsion": (5,)}
 
 
 @checked
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Simpler:
     """Parts that a scene does not need; result of :meth:`Answer.simpler`.
 

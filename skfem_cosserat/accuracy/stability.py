@@ -334,7 +334,7 @@ NAN = float("nan")
 
 
 @checked
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Map(Report):
     """Result of :func:`stability_map`; arrays have an axis for each parameter, in their order.
 
@@ -638,7 +638,7 @@ def _axes(given: Any) -> dict[str, list[Any]]:
         raise InputError("argument axes", f"{given!r}, expected values of parameters by name")
     found = {}
     for name, values in given.items():
-        if isinstance(values, str | Mapping) or not isinstance(values, Iterable):
+        if isinstance(values, (str, Mapping)) or not isinstance(values, Iterable):
             raise InputError(f"axis {name!r}", f"{values!r}, expected a sequence of values")
         plain = [each.item() if isinstance(each, np.generic) else each for each in values]
         if not isinstance(name, str) or not plain:

@@ -49,7 +49,7 @@ class Band(float):
     mesh: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Answer(Shown):
     """Result of :func:`answer`.
 
@@ -362,7 +362,7 @@ class _Search:
             coarse = self.tried(case)
             fine = None if coarse is None else self.tried(case.shorter)
             if coarse is None or fine is None:
-                coarse_mesh = isinstance(self.error, MeshError | NotHere)
+                coarse_mesh = isinstance(self.error, (MeshError, NotHere))
                 bent = isinstance(self.error, Diverged) and self.scene.beams and self.failures % 2
                 case = case.finer if coarse_mesh or bent else case._replace(steps=4 * case.steps)
                 continue

@@ -315,7 +315,7 @@ Asked = bool | Sequence[str] | None
 
 def checked_asked(derive: Asked, system: System, kind: Kind) -> Asked:
     """The argument `derive` of a run of this kind; InputError if it is none, or names no series."""
-    if derive is None or isinstance(derive, bool | np.bool_):
+    if derive is None or isinstance(derive, (bool, np.bool_)):
         return derive
     item = "argument derive"
     if isinstance(derive, str) or not isinstance(derive, Sequence):

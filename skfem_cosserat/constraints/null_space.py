@@ -93,7 +93,7 @@ class JointByJoint:
             (held, moved),
         ]
         size = self.helping + unknowns + count
-        rows_of, columns_of = (np.concatenate(each) for each in zip(*ends, strict=True))
+        rows_of, columns_of = map(np.concatenate, zip(*ends, strict=True))
         self.pattern = FrozenPattern(rows_of, columns_of, (size, size))
         self._recursion = recursion
 

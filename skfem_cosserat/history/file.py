@@ -101,11 +101,11 @@ def plain(value: Any, item: str) -> Any:
     >>> plain({"step": np.float64(0.5), "parts": ("a", "b")}, "meta")
     {'step': 0.5, 'parts': ['a', 'b']}
     """
-    if isinstance(value, np.generic | np.ndarray):
+    if isinstance(value, (np.generic, np.ndarray)):
         return plain(value.tolist(), item)
-    if value is None or isinstance(value, bool | int | float | str):
+    if value is None or isinstance(value, (bool, int, float, str)):
         return value
-    if isinstance(value, list | tuple):
+    if isinstance(value, (list, tuple)):
         return [
             entry if type(entry) in _PLAIN else plain(entry, f"{item}[{k}]")
             for k, entry in enumerate(value)

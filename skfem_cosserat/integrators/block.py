@@ -73,7 +73,7 @@ class Failure:
 # -- steps that are solved -------------------------------------------------------------------------
 
 
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class Block(Sequence["StepReport"]):
     """Steps that were solved one after the other, k >= 1 of them; as a sequence their reports.
 
@@ -245,7 +245,7 @@ class Block(Sequence["StepReport"]):
         return replace(self, **arrays, start=start, stages=stages, stuck=False)
 
 
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class StepReport:
     """One solved step.
 

@@ -72,7 +72,7 @@ class Composition(Integrator):
     constraint_weight = 0.0  # its force is that of the continuous equations at the nodes
 
     def __init__(self, part: Integrator, order: int = 4) -> None:
-        if not isinstance(order, int | np.integer) or order not in _HALVES:
+        if not isinstance(order, (int, np.integer)) or order not in _HALVES:
             raise InputError("argument order", f"{order!r}, expected one of {list(_HALVES)}")
         if not isinstance(part, Integrator):
             raise InputError("argument part", f"{part!r}, expected an integrator")
@@ -93,7 +93,7 @@ class Composition(Integrator):
         self.shares = (*half, *half[-2::-1])
         self.name = f"{part.name} composed to order {order}"
         # it is the longest of the steps that has to resolve the frequencies
-        limit, longest = part.frequency_limit, max(abs(share) for share in half)
+        limit, longest = part.frequency_limit, max(map(abs, half))
         self.frequency_limit = None if limit is None else limit / longest
         self.fixed_step = part.fixed_step
         self.advice = part.advice

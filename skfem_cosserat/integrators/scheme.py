@@ -32,7 +32,7 @@ class StepOrigin:
 
 
 @checked
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class State:
     """A state of a system between two steps.
 

@@ -153,7 +153,7 @@ def read_gmsh41(content: bytes) -> Groups:
     cells = rows[rows.index("$Elements") + 1 : rows.index("$EndElements")]
     k = 1
     for _ in range(int(cells[0].split()[0])):
-        dim, tag, kind, size = (int(word) for word in cells[k].split())
+        dim, tag, kind, size = map(int, cells[k].split())
         part = cells[k + 1 : k + 1 + size]
         k += 1 + size
         if len(part) < size:
@@ -231,7 +231,7 @@ def _numbers(values: Any) -> str:
 
 def _counted(tags: tuple[int, ...]) -> str:
     """Number of tags and the tags."""
-    return " ".join(str(k) for k in (len(tags), *tags))
+    return " ".join(map(str, (len(tags), *tags)))
 
 
 def _runs(tags: list[tuple[int, ...]]) -> list[tuple[tuple[int, ...], range]]:

@@ -331,7 +331,7 @@ def _check_welds(mesh: MeshCurve, number: IndexArray, tol: float) -> None:
 # -- line meshes of space curves for scikit-fem: networks, branches and closed loops ---------------
 
 
-@dataclass(repr=False, eq=False)
+@dataclass(eq=False)
 class MeshCurve(Frozen, MeshLine1):
     """Lines in space with true arc lengths; beams and nodes carry names.
 

@@ -156,7 +156,7 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
                 used[e] = True
                 elements.append(e)
                 e = following[e]
-    heads, rings, starts = (np.array(each) for each in zip(*begun, strict=True))
+    heads, rings, starts = map(np.array, zip(*begun, strict=True))
     every = np.array(elements, dtype=np.int64)
     sort = np.lexsort((heads, rings, owner[heads]))
     count = np.diff(np.append(starts, ne))[sort]

@@ -160,7 +160,7 @@ def _angles(mesh: MeshCurve, twist: Any, e: IndexArray, s: Floats) -> Floats:
     else:
         raise InputError(item(0), f"{twist!r} is neither a rate nor a function of arc length")
     if not np.isfinite(angles).all():
-        row, a = (int(k) for k in np.argwhere(~np.isfinite(angles))[0])
+        row, a = map(int, np.argwhere(~np.isfinite(angles))[0])
         raise InputError(item(row), f"{twist!r} is not finite at arc length {s[row, a]:.6g} m")
     return angles
 

@@ -37,7 +37,7 @@ REAL = 1e-6
 
 
 @checked
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class Buckling(Animated):
     """Critical load factors and buckling modes.
 

@@ -192,7 +192,7 @@ GROWTH = 1e-9
 
 
 @checked
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class Modes(Animated):
     """Modes ``dq = Re(shape exp(s t))``, the slowest first.
 

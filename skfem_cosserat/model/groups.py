@@ -102,7 +102,7 @@ def _rows(nodes: IndexArray, first: int) -> IndexArray:
 
 def lumped(item: Structure) -> RigidBody | MassPoint:
     """An item that is no beam."""
-    assert isinstance(item, RigidBody | MassPoint)
+    assert isinstance(item, (RigidBody, MassPoint))
     return item
 
 

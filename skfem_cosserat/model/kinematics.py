@@ -48,7 +48,7 @@ class Located:
 
 def combination(terms: Sequence[Sequence[tuple[int, float]]]) -> tuple[IndexArray, Floats]:
     """Rows of y (k, r) and factors (k, 1, r) whose sums the terms are, zeros added."""
-    size = max((len(t) for t in terms), default=0)
+    size = max(map(len, terms), default=0)
     full = [[*t, *[(0, 0.0)] * (size - len(t))] for t in terms]
     array = np.array(full, dtype=float).reshape(len(terms), size, 2)
     return array[:, :, 0].astype(np.int64), array[:, None, :, 1].copy()

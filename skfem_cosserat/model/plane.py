@@ -82,7 +82,7 @@ class Planar(Frozen):
         return f"Planar({'' if self.normal is None else f'normal={self.normal.tolist()}'})"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Plane:
     """A plane in space.
 
@@ -515,7 +515,7 @@ def guard_of(loading: Loading, plane: Plane) -> Callable[[Floats, float], None] 
 def _coupling(system: System, item: Coupling, plane: Plane) -> OutOfPlane:
     """By its forces; springs on an angle of a joint by its axis: it turns in the plane or never."""
     coordinate = item.coordinates[0]
-    if isinstance(item, JointSpringDamper | JointActuator) and coordinate.kind == "angle":
+    if isinstance(item, (JointSpringDamper, JointActuator)) and coordinate.kind == "angle":
         if _in_plane(item.joint, coordinate.name, plane):
             return
         driven = [time.value(t) for t in INSTANTS for time in item.channels]

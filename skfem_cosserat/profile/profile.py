@@ -56,7 +56,7 @@ def boundary_loops(mesh: Mesh) -> list[Floats]:
     (4, 2)
     """
     facets = mesh.boundary_facets()
-    curved = isinstance(mesh, MeshTri2 | MeshQuad2)
+    curved = isinstance(mesh, (MeshTri2, MeshQuad2))
     middle = mesh.doflocs[:, mesh.dofs.facet_dofs[0, facets]] if curved else None
     at: dict[int, list[tuple[int, int]]] = {}
     for k, (a, b) in enumerate(mesh.facets[:, facets].T.tolist()):
@@ -91,7 +91,7 @@ AnyMaterial = Material | MaterialAnisotropic
 
 def _checked_mesh(item: str, mesh: Mesh) -> Mesh:
     """Finite, of positive area, every edge between at most two elements, in one piece."""
-    if not isinstance(mesh, MeshTri1 | MeshTri2 | MeshQuad1 | MeshQuad2):
+    if not isinstance(mesh, (MeshTri1, MeshTri2, MeshQuad1, MeshQuad2)):
         raise InputError(
             item,
             f"mesh is a {type(mesh).__name__}, expected scikit-fem's MeshTri, MeshTri2, MeshQuad"

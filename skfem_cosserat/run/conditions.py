@@ -350,7 +350,7 @@ class Action(Attached, ABC):
 
 
 def _named(value: object) -> str:
-    name = value.name if isinstance(value, Joint | Load) else value
+    name = value.name if isinstance(value, (Joint, Load)) else value
     return name if isinstance(name, str) else brief(name)
 
 
@@ -375,7 +375,7 @@ class _JointAction(Action):
     _changed: Callable[..., System]
 
     def __init__(self, joint: Joint | str) -> None:
-        if not isinstance(joint, Joint | str):
+        if not isinstance(joint, (Joint, str)):
             raise InputError("action", f"joint = {joint!r}, expected a joint or its name")
         self.joint = joint
 
@@ -441,7 +441,7 @@ class ActionLoad(Action):
     """
 
     def __init__(self, load: Load | str, amplitude: Amplitude) -> None:
-        if not isinstance(load, Load | str):
+        if not isinstance(load, (Load, str)):
             raise InputError("action", f"load = {load!r}, expected a load or its name")
         time_function("action", amplitude)
         self.load = load
@@ -481,7 +481,7 @@ class ActionFunction(Action):
         system = None
         state = None
         for each in given:
-            if isinstance(each, Model | System):
+            if isinstance(each, (Model, System)):
                 system = system_of(each)
             elif isinstance(each, State):
                 state = each

@@ -202,7 +202,7 @@ class Event(Attached):
             raise InputError("event", f"name = {name!r}, expected a non-empty string")
         self.name = name
         self.once = switch(self.label, once, "once")
-        whole = isinstance(direction, int | np.integer) and not isinstance(direction, bool)
+        whole = isinstance(direction, (int, np.integer)) and not isinstance(direction, bool)
         if not whole or direction not in (-1, 0, 1):
             raise InputError(self.label, f"direction = {direction!r}, expected -1, 0 or 1")
         if not isinstance(condition, Condition):

@@ -30,7 +30,7 @@ CODES = {"regular": 0, "limit": 1, "bifurcation": 2}
 SAME = 1e-6
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Branch:
     """Start of a branch: the argument ``start`` of :func:`static`, with ArcLength().
 

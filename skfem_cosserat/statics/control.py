@@ -42,7 +42,7 @@ def size_of(system: System, motion: Floats) -> float:
     return float(np.sqrt((weights(system) * np.square(motion)).sum()))
 
 
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class Point:
     """An equilibrium on a path.
 

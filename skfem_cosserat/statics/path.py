@@ -102,7 +102,7 @@ def first_point(
 def check_growth(schedule: Schedule, control: Control) -> None:
     """Raise InputError if nothing is left that a control by displacements could let grow."""
     held = schedule.time is not None and not schedule.grows
-    if held and isinstance(control, ArcLength | DisplacementControl):
+    if held and isinstance(control, (ArcLength, DisplacementControl)):
         raise InputError(
             "argument time",
             f"{schedule.time!r} s holds all there is, nothing grows with the load factor: give"
@@ -323,7 +323,7 @@ class Continuation:
                 answers = [callback(point) for callback in callbacks]  # all are called
                 if interrupt.asked:
                     return "interrupted", None
-                if any(isinstance(answer, bool | np.bool_) and answer for answer in answers):
+                if any(isinstance(answer, (bool, np.bool_)) and answer for answer in answers):
                     return "stopped", None
         except KeyboardInterrupt:
             return "interrupted", None
@@ -793,7 +793,7 @@ def static(
         check_kind("argument settings", settings, NewtonSettings)
         if path is not None:
             file_path("argument path", path)
-        if not isinstance(callbacks, Sequence) or not all(callable(c) for c in callbacks):
+        if not isinstance(callbacks, Sequence) or not all(map(callable, callbacks)):
             raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
         derive = checked_asked(derive, system, path_formulas)
         schedule = Schedule(system, factors, spin, time)
