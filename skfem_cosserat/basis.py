@@ -141,7 +141,7 @@ class DirectorBasis(CellBasis):
         rule = self.points[None], self.weights
         element = ElementDirector(self.interpolation)
         super().__init__(self.mesh, element, quadrature=rule, disable_doflocs=True)
-        self.doflocs = np.repeat(self.nodes.T, 12, axis=1)
+        self.doflocs = self.nodes.T.repeat(12, axis=1)
         lock_arrays(self)
 
     @property

@@ -188,7 +188,7 @@ class Beam(LineItem):
         for k, name in enumerate(rows.pop("sections")):
             own = np.flatnonzero(self.section_id == k)
             ends = own[np.argsort(starts[own])][[0, -1]]
-            first, last = np.diagonal(self.sections_at(ends, np.array([0.0, 1.0])))
+            first, last = self.sections_at(ends, np.array([0.0, 1.0])).diagonal()
             both = {"start": first.summary(), "end": last.summary()}
             rows[name] = both if first is not last else first.summary()
         return rows

@@ -209,7 +209,7 @@ class RigidBody(_Lump):
         if value.ndim == 1:
             value = np.diag(value)
         value = symmetric(self.label, name, value)
-        E = value if euler is not None else np.trace(value) / 2 * np.eye(3) - value
+        E = value if euler is not None else value.trace() / 2 * np.eye(3) - value
         lowest = float(np.linalg.eigvalsh(E)[0])
         if lowest < -1e-12 * abs(value).max():
             raise InputError(

@@ -76,7 +76,7 @@ def triad(d3: ArrayLike, d1: ArrayLike | None = None) -> Floats:
     if length == 0:
         raise InputError("triad", "d3 is the zero vector")
     third /= length
-    hint = np.eye(3)[np.argmin(abs(third))] if d1 is None else vector("triad", "d1", d1)
+    hint = np.eye(3)[abs(third).argmin()] if d1 is None else vector("triad", "d1", d1)
     first = hint - (hint @ third) * third
     length = float(np.linalg.norm(first))
     if length <= 1e-6 * np.linalg.norm(hint):
@@ -325,7 +325,7 @@ class Place(Attached):
     def label(self) -> str:
         """Name in messages: its item and its position."""
         where = "ground" if self.item is None else self.item.label
-        return f"{where}{self.note} at {np.round(self.position, 9).tolist()}"
+        return f"{where}{self.note} at {self.position.round(9).tolist()}"
 
     @property
     def _called(self) -> str:
@@ -558,7 +558,7 @@ class MotionShake(Motion):
         if not (np.isfinite(t).all() and np.isfinite(a).all()):
             raise InputError(item, "times or accelerations are not finite")
         if (np.diff(t) <= 0).any():
-            bad = np.argmax(np.diff(t) <= 0)
+            bad = (np.diff(t) <= 0).argmax()
             raise InputError(item, f"times do not increase: {t[bad]} is followed by {t[bad + 1]}")
         if switch(item, baseline, "baseline"):
             path = _integrated(t, a)

@@ -259,7 +259,7 @@ def _differences(law: LawStored, name: str, points: Floats, found: Floats) -> Fl
     for step in (DIFFERENCE, 0.1 * DIFFERENCE, 0.01 * DIFFERENCE):
         new = difference(function, points, step * law.scale)
         if name == "hessian":
-            new = np.swapaxes(new, -1, -2)
+            new = new.swapaxes(-1, -2)
         out = np.where(abs(new - found) < abs(out - found), new, out)
     return out
 

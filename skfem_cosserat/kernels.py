@@ -100,7 +100,7 @@ class BeamElements(SectionPoints):
         # C is the same for x, y and z: one number for each pair of coordinate vectors
         scalar = self.table.reshape(ng * 6, k // 3, 3, k // 3, 3)[:, :, 0, :, 0]
         # times weights: weight l times the 1/l of C
-        self.C_table = np.repeat(self.weights, 6)[:, None] * scalar.reshape(ng * 6, -1)
+        self.C_table = self.weights.repeat(6)[:, None] * scalar.reshape(ng * 6, -1)
         self.measure = (self.weights * self.lengths[:, None])[:, :, None]
         self.weighted_stiffness = self.measure[..., None] * self.stiffness
         self.inverse_length = (1 / self.lengths)[:, None]

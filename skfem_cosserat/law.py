@@ -264,7 +264,7 @@ class LawStored(Law):
             out = self._complex("gradient", gradient, eps, shape)
         else:
             out = difference(self.stress, eps, DIFFERENCE * self.scale)
-        return 0.5 * (out + np.swapaxes(out, -1, -2))
+        return 0.5 * (out + out.swapaxes(-1, -2))
 
     def _from_energy(self, energy: StrainFunction, eps: Array) -> Array:
         """Second derivative: complex steps of differences, each pair once."""

@@ -121,7 +121,7 @@ class _Dense(Factors):
 
     def __init__(self, pattern: FrozenPattern) -> None:
         self._n = pattern.shape[0]
-        cols = np.repeat(np.arange(self._n), np.diff(pattern.indptr))
+        cols = np.arange(self._n).repeat(np.diff(pattern.indptr))
         self._where = pattern.indices.astype(np.int64) + self._n * cols
         self._getrf, self._getrs = get_lapack_funcs(("getrf", "getrs"), dtype=np.float64)
 
@@ -168,7 +168,7 @@ class Band:
     def ends(self, pattern: FrozenPattern) -> tuple[Array, Array]:
         """Rows and columns (nnz,) of the pattern's entries in this order."""
         position = self.position.astype(pattern.indices.dtype)
-        return position[pattern.indices], np.repeat(position, np.diff(pattern.indptr))
+        return position[pattern.indices], position.repeat(np.diff(pattern.indptr))
 
 
 class SolverBanded(Solver):
@@ -194,7 +194,7 @@ class _Banded(Factors):
         self._n = pattern.shape[0]
         self._band = band
         rows = pattern.indices
-        cols = np.repeat(np.arange(self._n), np.diff(pattern.indptr))
+        cols = np.arange(self._n).repeat(np.diff(pattern.indptr))
         self._entries, self._diagonal = (rows, cols), np.flatnonzero(rows == cols)
         #: places of the entries in column-major band storage, with room for exchanged rows
         i, j = (each.astype(np.int64) for each in band.ends(pattern))
@@ -233,7 +233,7 @@ class _Banded(Factors):
         size = np.ones(self._n)
         size[self._entries[0][self._diagonal]] = abs(data[self._diagonal])
         size[~(np.isfinite(size) & (size > 0))] = 1.0
-        scale = np.exp2(np.round(-0.5 * np.log2(size)))
+        scale = np.exp2((-0.5 * np.log2(size)).round())
         self._scales = scale[self._entries[0]] * scale[self._entries[1]]
         self._scale = scale[self._band.order]
 

@@ -62,14 +62,14 @@ class FrozenPattern:
         new = np.concatenate([[True], key[1:] != key[:-1]])[: len(key)]
         first = order[new]
         slot = np.empty(len(key), dtype=np.int64)
-        slot[order] = np.cumsum(new) - 1
+        slot[order] = new.cumsum() - 1
         counts = np.bincount(j[first], minlength=shape[1])
         self.shape, self.nnz = (int(shape[0]), int(shape[1])), len(first)
         small = max(self.nnz, *self.shape) < np.iinfo(np.int32).max
         kind = np.int32 if small else np.int64
         self.slot = slot
         self.indices = i[first].astype(kind, copy=False)
-        self.indptr = np.concatenate([[0], np.cumsum(counts)]).astype(kind)
+        self.indptr = np.concatenate([[0], counts.cumsum()]).astype(kind)
         for array in (self.slot, self.indices, self.indptr):
             array.setflags(write=False)
         entries = np.zeros(self.nnz), self.indices, self.indptr

@@ -725,7 +725,7 @@ def _write(path: FilePath, images: Iterable[Any], fps: float) -> None:
     if Path(path).suffix.lower() == ".gif":
         method = Image.Quantize.MAXCOVERAGE  # white stays white
         first, *others = (image.quantize(128, method) for image in images)
-        ends = np.round(100.0 * np.arange(len(others) + 2) / fps).astype(int)
+        ends = (100.0 * np.arange(len(others) + 2) / fps).round().astype(int)
         durations = (10 * np.diff(ends)).tolist()
         first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
         return

@@ -87,7 +87,7 @@ def check_stiffness(item: str, value: ArrayLike) -> Floats:
     diagonal = np.diag(D)
     if (diagonal <= 0).any():
         names = ("GA_1", "GA_2", "EA", "EI_1", "EI_2", "GJ")
-        k = int(np.argmin(diagonal))
+        k = int(diagonal.argmin())
         raise InputError(
             item,
             f"{names[k]} = {diagonal[k]:g}: a section without stiffness against one of its"

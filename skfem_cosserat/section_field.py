@@ -211,7 +211,7 @@ class SectionTable(SectionField):
                 text = f"{name} has shape {array.shape}, expected one entry for each of the"
                 raise InputError(item, f"{text} {count} stations")
         self._shapes = {name: array.shape[1:] for name, array in arrays.items()}
-        parts = [np.reshape(a, (count, int(np.prod(a.shape[1:])))) for a in arrays.values()]
+        parts = [a.reshape((count, int(np.prod(a.shape[1:])))) for a in arrays.values()]
         self._ends, flat = np.cumsum([part.shape[1] for part in parts])[:-1], np.hstack(parts)
         self._stations = Stations(item, s, flat, interpolation == "pchip")
         self.s = self._stations.s

@@ -290,7 +290,7 @@ def _chosen(drawn: Drawn, column: str, most: int) -> list[str]:
             for row in front:
                 reach = [r[column] for r in every if r[f"error_{name}"] <= row[f"error_{name}"]]
                 ratios[line].append(row[column] / min(reach))
-    distance = {line: (min(each), np.mean(np.log(each))) for line, each in ratios.items() if each}
+    distance = {line: (min(each), np.log(each).mean()) for line, each in ratios.items() if each}
     near = sorted(distance, key=distance.__getitem__)
     first = {owners[line]: line for line in reversed(near)}
     best = list(dict.fromkeys((*first.values(), *near, *ratios)))[: max(room, len(first), 1)]

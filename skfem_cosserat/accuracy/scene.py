@@ -139,7 +139,7 @@ class Maximum(_Sampled):
         every = super().values(name, run)
         y = _column(name, every, self.component)
         t = every.times
-        k = np.argmax(y)
+        k = y.argmax()
         if t is None or not 0 < k < len(y) - 1:
             return Reading(np.asarray(y[k]))
         near = slice(k - 1, k + 2)

@@ -190,7 +190,7 @@ def _suggested(
         trials += found[::-1]
     plane = planarity(run.system)
     if plane.planar is not None and scene.start is None:
-        why = f"all stays in the plane with normal {np.round(plane.plane.normal, 6).tolist()}"
+        why = f"all stays in the plane with normal {plane.plane.normal.round(6).tolist()}"
         trials.append(_Trial("motion out of the plane", why, case, planar=plane.planar))
     if scene.beams and case.parts > 1:
         trials.append(

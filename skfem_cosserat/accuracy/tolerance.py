@@ -393,7 +393,7 @@ class _Search:
                 if reason := self.doubt(case, coarse, fine, by_step):
                     return reason
                 halvings = np.log2(min(by_step, 1e9) / 0.2) / order
-                case = case._replace(steps=case.steps * 2 ** int(np.clip(np.ceil(halvings), 1, 3)))
+                case = case._replace(steps=case.steps * 2 ** int(np.ceil(halvings).clip(1, 3)))
             if by_mesh > 0.25:
                 for _ in range(2 if by_mesh > 10 else 1):
                     case = case.richer
@@ -423,7 +423,7 @@ class _Search:
             if half is None:
                 first = 0.0
             elif first > 0 < last:
-                order = float(np.clip(np.log2(first / last), 0.5, highest))
+                order = float(np.log2(first / last).clip(0.5, highest))
             orders.append(order)
             errors[name] = left(max(last, first / 2**order), order)
         return errors, min(orders)

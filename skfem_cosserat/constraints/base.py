@@ -368,7 +368,7 @@ class Congruence:
         Z = by.matrix(np.ones(len(by.slot)))
         whole = (Z.T @ full.matrix(np.ones(len(full.slot))) @ Z).tocoo()
         self.pattern = FrozenPattern(whole.row, whole.col, whole.shape)
-        columns = np.repeat(np.arange(whole.shape[1]), np.diff(self.pattern.indptr))
+        columns = np.arange(whole.shape[1]).repeat(np.diff(self.pattern.indptr))
         self._codes = columns * whole.shape[0] + self.pattern.indices
 
     def data(self, A: Floats, left: Floats, right: Floats) -> Floats:
@@ -382,7 +382,7 @@ class Congruence:
 
 def group_pairs(system: System, dofs: list[IndexArray]) -> tuple[IndexArray, IndexArray]:
     """Row and column numbers of all block entries, groups one after the other."""
-    rows = [np.repeat(d, d.shape[1], axis=1).ravel() for d in dofs]
+    rows = [d.repeat(d.shape[1], axis=1).ravel() for d in dofs]
     cols = [np.tile(d, (1, d.shape[1])).ravel() for d in dofs]
     return np.concatenate(rows), np.concatenate(cols)
 

@@ -277,7 +277,7 @@ class BoundNullSpace(BoundTreatment):
         extra = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
         if self.weight:  # derivative of P: moments on each frame, and the tree's
             omega = kin.frame_twist[:, 3:]
-            ends.append((np.repeat(omega, 3, axis=1).ravel(), np.tile(omega, (1, 3)).ravel()))
+            ends.append((omega.repeat(3, axis=1).ravel(), np.tile(omega, (1, 3)).ravel()))
             ends.append(kin.recursion.moment_pattern())
             extra = kin.recursion.own.curvature_pattern()
         pairs = np.concatenate([i for i, _ in ends]), np.concatenate([j for _, j in ends])

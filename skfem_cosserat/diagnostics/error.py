@@ -148,7 +148,7 @@ def _beam(source: Beam, target: Beam, y: Floats, ydot: Floats) -> tuple[Floats, 
         places.at_points(a).reshape(len(a), *x.shape, 4, 3)
         for a in (y, ydot, source.reference.reshape(1, -1, 3))
     )
-    turn = nearest_rotations(np.swapaxes(now[..., 1:, :], -1, -2) @ start[..., 1:, :])
+    turn = nearest_rotations(now[..., 1:, :].swapaxes(-1, -2) @ start[..., 1:, :])
     spin = spins(now, rate)
     own = target.reference.reshape(-1, 4, 3)[nodes]
     moved, moving = _moved(now, rate, start, turn, spin, own)
@@ -168,7 +168,7 @@ def spins(now: Floats, rate: Floats) -> Floats:
     """Angular velocities (..., 3) that come nearest to the rates of directors."""
     d = now[..., 1:, :]
     ddot = rate[..., 1:, :]
-    inertia = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3) - np.swapaxes(d, -1, -2) @ d
+    inertia = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3) - d.swapaxes(-1, -2) @ d
     return np.linalg.solve(inertia, np.cross(d, ddot).sum(axis=-2)[..., None])[..., 0]
 
 
@@ -176,7 +176,7 @@ def _moved(
     now: Floats, rate: Floats, start: Floats, turn: Floats, spin: Floats, own: Floats
 ) -> tuple[Floats, Floats]:
     """Frames (..., 4, 3) with a reference of their own that are rigid with places, their rates."""
-    back = np.swapaxes(turn, -1, -2)
+    back = turn.swapaxes(-1, -2)
     frames = np.empty_like(now)
     rates = np.empty_like(rate)
     arm = (own[..., None, 0, :] - start[..., None, 0, :]) @ back

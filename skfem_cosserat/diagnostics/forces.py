@@ -418,7 +418,7 @@ def _from_end(
 
 def components(d: Array, n: Array, m: Array) -> Array:
     """Force and moment (..., 3) in space by components (..., 6) along directors (..., 3, 3)."""
-    return (np.stack([n, m], axis=-2) @ np.swapaxes(d, -1, -2)).reshape(*n.shape[:-1], 6)
+    return (np.stack([n, m], axis=-2) @ d.swapaxes(-1, -2)).reshape(*n.shape[:-1], 6)
 
 
 @takes_scene

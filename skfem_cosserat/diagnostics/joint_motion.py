@@ -78,7 +78,7 @@ def _coordinates(
                 xi = xi + kind.period * followed
             else:
                 near = _expected(system, joint, coordinate.name, xi[:, 0], rate[:, 0], times)
-                xi = xi + kind.period * np.round((near[:, None] - xi) / kind.period)
+                xi = xi + kind.period * ((near[:, None] - xi) / kind.period).round()
         out += [each[:, 0] if coordinate.size == 1 else each for each in (xi, rate)]
     return out
 
@@ -94,8 +94,8 @@ def _expected(
     steady = np.where(np.isfinite(steady), steady, 0.0)
     turn = 2 * np.pi
     moved = np.diff(xi)
-    moved += turn * np.round((steady - moved) / turn)
-    return xi[0] + np.concatenate([[0.0], np.cumsum(moved)])
+    moved += turn * ((steady - moved) / turn).round()
+    return xi[0] + np.concatenate([[0.0], moved.cumsum()])
 
 
 def _turns(system: System, joint: Joint, name: str, turns: ArrayLike | None) -> IndexArray | None:

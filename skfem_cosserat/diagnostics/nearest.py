@@ -65,10 +65,10 @@ def rigid_motions(
     rates[kin.frames, 1:, :, 3:] = -skew(y[kin.director_rows])
     own = np.arange(12) < np.where(system.is_frame[: len(x)], 12, 3)[:, None]
     rows = (3 * system.origin_rows[:, None] + np.arange(12))[own]
-    cols = np.repeat(6 * label, own.sum(1))[:, None] + np.arange(6)
+    cols = (6 * label).repeat(own.sum(1))[:, None] + np.arange(6)
     values = rates.reshape(-1, 12, 6)[own].ravel()
     shape = system.n, 6 * count
-    return csr_matrix((values, (np.repeat(rows, 6), cols.ravel())), shape=shape), centres
+    return csr_matrix((values, (rows.repeat(6), cols.ravel())), shape=shape), centres
 
 
 def motions_out_of_plane(system: System, count: int) -> csr_matrix:

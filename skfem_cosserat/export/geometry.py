@@ -154,7 +154,7 @@ class BeamShape:
         flat = conn[:, [0, -1]].ravel()
         self._inner = conn[:, 1:-1]
         self.node_id = np.arange(len(self.offsets))
-        section = np.repeat(self.section, 2)
+        section = self.section.repeat(2)
         own = self.rotations[:, [0, -1]].reshape(-1, 3, 3)
         other = np.zeros(len(self.node_id), dtype=np.int64)
         other[flat] = np.arange(len(flat))
@@ -178,7 +178,7 @@ class BeamShape:
             chain = self.cells[:, [0, *range(2, p + 1), 1]]
             self.cells = np.stack([chain[:, :-1], chain[:, 1:]], axis=2).reshape(-1, 2)
         self.cell_pieces = len(self.cells) // len(conn)
-        self.cell_element = np.repeat(np.arange(len(conn)), self.cell_pieces)
+        self.cell_element = np.arange(len(conn)).repeat(self.cell_pieces)
 
     def spread(self, values: Floats) -> Floats:
         """Values (k, ne, 2, c) at ends as those of the points (k, m, c), linear between."""
@@ -238,7 +238,7 @@ class BeamShape:
         skin = self._static.get(key.format("skin"))
         if outline is None or skin is None:
             return [] if outline is None else [outline]
-        return np.split(skin, np.cumsum(self._static[key.format("loops")])[:-1], axis=-2)
+        return np.split(skin, self._static[key.format("loops")].cumsum()[:-1], axis=-2)
 
     def stress(self, section: int) -> Floats | None:
         """Stresses (..., k, 3, 6) at the points of the skin for resultants of one, if known."""

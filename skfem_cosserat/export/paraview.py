@@ -57,7 +57,7 @@ class Cells:
         self.count = sum(map(len, widths))
         topology = {
             "connectivity": np.concatenate([block.ravel() for _, block in blocks]),
-            "offsets": np.cumsum(np.concatenate(widths)),
+            "offsets": np.concatenate(widths).cumsum(),
         }
         small = {name: values.astype(np.int32) for name, values in topology.items()}
         #: of three groups of arrays, see `_array`
@@ -291,7 +291,7 @@ class SurfaceLayer(Layer):
         sigma = stress[..., 0]
         tau = np.linalg.norm(stress[..., 1:], axis=-1)
         fields = {"sigma": sigma, "tau": tau, "mises": np.sqrt(sigma**2 + 3 * tau**2)}
-        rings = np.repeat(forces.reshape(len(six), -1, 6), count, axis=1)
+        rings = forces.reshape(len(six), -1, 6).repeat(count, axis=1)
         return fields | {"N": rings[..., :3], "M": rings[..., 3:]}
 
 
@@ -304,14 +304,14 @@ class BodyLayer(Layer):
         self._shapes = list(body_shapes(meta, static))
         self.series = self.wanted = ["v"]
         sizes = [1 if shape.material is None else len(shape.material) for shape in self._shapes]
-        self._owner = np.repeat(np.arange(len(sizes)), sizes)
+        self._owner = np.arange(len(sizes)).repeat(sizes)
         blocks = [
             (_VTK["vertex"], np.array([[start]]))
             if shape.material is None
             else (_VTK["triangle"], start + shape.faces)
             for start, shape in zip(np.cumsum([0, *sizes[:-1]]), self._shapes, strict=True)
         ]
-        ids = np.repeat(np.arange(len(blocks)), [len(block) for _, block in blocks])
+        ids = np.arange(len(blocks)).repeat([len(block) for _, block in blocks])
         names = np.array([shape.name for shape in self._shapes])[ids]
         self._cells = Cells(blocks, at_cells={"body_id": ids, "name": names})
 

@@ -157,7 +157,7 @@ class Flow:
         noise = FLOW_NOISE * parts.sum(_lengths(self.y0) * _lengths(rest + common))
         moves = size > FLOW_CLOSED / FLOW_NOISE * noise
         size = np.where(size + noise > 0, size + noise, 1.0)
-        straight = np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(3) - K.swapaxes(1, 2)
+        straight = K.trace(axis1=1, axis2=2)[:, None, None] * np.eye(3) - K.swapaxes(1, 2)
         N = straight + (FLOW_REGULAR * size + noise)[:, None, None] * np.eye(3)
 
         def gap(s: Array) -> Array:

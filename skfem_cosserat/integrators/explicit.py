@@ -463,7 +463,7 @@ class LimitWatch:
 def _circles(matrix: csr_matrix) -> Floats:
     """Bounds (k,) with ``x . A x <= sum_k bound_k |x_k|^2`` of symmetric blocks of six rows."""
     blocks = (0.5 * (matrix + matrix.T)).tobsr((6, 6))
-    rows = np.repeat(np.arange(matrix.shape[0] // 6), np.diff(blocks.indptr))
+    rows = np.arange(matrix.shape[0] // 6).repeat(np.diff(blocks.indptr))
     radii = np.linalg.norm(blocks.data, 2, (1, 2))
     return np.asarray(1.0 * np.bincount(rows, radii, matrix.shape[0] // 6))
 

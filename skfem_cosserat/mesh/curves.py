@@ -362,7 +362,7 @@ class CurveSpline(Frozen):
             grid, arcs, pieces = finer, halves, 2 * pieces
             if change <= 1e-15 * halves.sum():
                 break
-        s = np.concatenate([[0.0], np.cumsum(arcs)])
+        s = np.concatenate([[0.0], arcs.cumsum()])
         self._table = grid, s
         self.knots = s[::pieces].copy()
         self.length = float(s[-1])
@@ -376,7 +376,7 @@ class CurveSpline(Frozen):
         """Spline parameters (...) at arc lengths s (...), by Newton's method."""
         s = np.asarray(s, dtype=float)
         grid, arcs = self._table
-        k = np.clip(np.searchsorted(arcs, s, side="right") - 1, 0, len(grid) - 2)
+        k = (np.searchsorted(arcs, s, side="right") - 1).clip(0, len(grid) - 2)
         u = grid[k] + (grid[k + 1] - grid[k]) * (s - arcs[k]) / (arcs[k + 1] - arcs[k])
         for _ in range(20):
             step = (s - arcs[k] - self._arc(grid[k], u)) / np.linalg.norm(self._rate(u), axis=-1)

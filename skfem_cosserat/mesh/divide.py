@@ -60,9 +60,9 @@ def divided(mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = 
     count = element_count(elements, "mesh")
     lines = []
     for run in _runs(mesh):
-        ends = np.append(0.0, np.cumsum(mesh.lengths[run]))
+        ends = np.append(0.0, mesh.lengths[run].cumsum())
         inside = [ends[e - run[0]] + xi * mesh.lengths[e] for e, xi in keep if e in run]
-        stops = np.unique(np.round(np.array([0.0, *inside, ends[-1]]) / ends[-1], 12)) * ends[-1]
+        stops = np.unique((np.array([0.0, *inside, ends[-1]]) / ends[-1]).round(12)) * ends[-1]
         lines.append((run, stops))
     counts = _counts(mesh, lines, count)
     points, chains, spans = [mesh.p], [], []
@@ -75,7 +75,7 @@ def divided(mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = 
         spans.append(np.stack([along[:-1], along[1:]]))
     # vertices are numbered along the lines
     used, first = np.unique(np.concatenate(chains), return_index=True)
-    used = used[np.argsort(first)]
+    used = used[first.argsort()]
     every = np.concatenate(points, axis=1)
     number = np.empty(every.shape[1], dtype=np.int64)
     number[used] = np.arange(len(used))
@@ -183,7 +183,7 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
     >>> elements.tolist(), xi.tolist()
     ([[0, 0], [1, 1], [1, 1]], [[0.0, 1.0], [0.0, 0.5], [0.5, 1.0]])
     """
-    ends, starts = (np.append(0.0, np.cumsum(m.lengths)) for m in (mesh, other))
+    ends, starts = (np.append(0.0, m.lengths.cumsum()) for m in (mesh, other))
     total = ends[-1]
     if not abs(ends[-1] - starts[-1]) <= POSITION_TOLERANCE * max(ends[-1], starts[-1]):
         raise MeshError(
@@ -191,7 +191,7 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
         )
     s = starts[:-1, None] + other.lengths[:, None] * xi
     inside = s + 1e-6 * ((starts[:-1, None] + 0.5 * other.lengths[:, None]) - s)
-    e = np.clip(np.searchsorted(ends, inside, side="right") - 1, 0, mesh.nelements - 1)
+    e = (np.searchsorted(ends, inside, side="right") - 1).clip(0, mesh.nelements - 1)
     x = (s - ends[e]) / mesh.lengths[e]
     for end in (0.0, 1.0):
         x = np.where(abs(x - end) <= TOLERANCE, end, x)

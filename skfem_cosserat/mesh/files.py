@@ -146,7 +146,7 @@ def read_gmsh41(content: bytes) -> Groups:
         numbers = np.array(list(islice(words, width * size)), dtype=float)
         points.append(numbers.reshape(size, width)[:, :3])
     known = np.concatenate(tags)
-    order = np.argsort(known, kind="stable")
+    order = known.argsort(kind="stable")
     if len(known) != count or (np.diff(known[order]) == 0).any():
         raise ValueError(f"{len(known)} nodes, some of them twice, or not {count} as it says")
     out = Groups(np.concatenate(points))

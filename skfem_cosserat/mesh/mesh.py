@@ -113,7 +113,7 @@ class MappingCurve(SkfemMapping):
         length = mesh.lengths[elements][:, None]
         grid = np.linspace(0.0, 1.0, 9)
         near = self.F(grid[None, :], elements)
-        xi = grid[np.argmin(np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0), axis=-1)]
+        xi = grid[np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0).argmin(axis=-1)]
         for _ in range(50):
             ahead = x - self.F(xi[None], elements)
             step = (ahead * self.tangent(xi[None], elements)).sum(axis=0) / length
@@ -161,7 +161,7 @@ class MappingCurve(SkfemMapping):
 
 def _by_curve(ids: IndexArray) -> Iterator[tuple[int, IndexArray]]:
     """Each curve with the places (n,) in which it stands."""
-    order = np.argsort(ids, kind="stable")
+    order = ids.argsort(kind="stable")
     cuts = np.flatnonzero(np.diff(ids[order])) + 1
     yield from ((int(ids[rows[0]]), rows) for rows in np.split(order, cuts) if len(rows))
 
@@ -175,8 +175,8 @@ def halved_arrays(mesh: MeshCurve, marked: IndexArray) -> dict[str, Any]:
     nv = mesh.p.shape[1]
     halves = np.ones(ne, dtype=np.int64)
     halves[marked] = 2
-    parent = np.repeat(np.arange(ne), halves)
-    first = np.cumsum(halves) - halves
+    parent = np.arange(ne).repeat(halves)
+    first = halves.cumsum() - halves
     t = mesh.t[:, parent].copy()
     spans = mesh.spans[:, parent].copy()
     left = first[marked]
@@ -320,7 +320,7 @@ def _check_welds(mesh: MeshCurve, number: IndexArray, tol: float) -> None:
         raise MeshError("argument tol", f"{tol:.3g} m would collapse the element from {a} to {b}")
     hit, times = np.unique(number[number >= 0], return_counts=True)
     if (times > 1).any():
-        vertices = np.flatnonzero(number == hit[np.argmax(times > 1)]).tolist()
+        vertices = np.flatnonzero(number == hit[(times > 1).argmax()]).tolist()
         raise MeshError(
             f"node at {mesh.p[:, vertices[0]].tolist()}",
             f"nodes {vertices} of one mesh would all be merged into one: join with a smaller tol"

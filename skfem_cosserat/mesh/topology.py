@@ -132,7 +132,7 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
     against = (met >= 0) & (met % 2 == np.array([[0], [1]]))
     if against.any():
         which = np.flatnonzero(against.any(axis=0))
-        e = int(which[np.argmin(owner[which])])
+        e = int(which[owner[which].argmin()])
         end = int(np.argmax(against[:, e]))
         raise MeshError(
             f"beam '{names[owner[e]]}'" if owner[e] >= 0 else "elements in no beam",
@@ -160,7 +160,7 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
     every = np.array(elements, dtype=np.int64)
     sort = np.lexsort((heads, rings, owner[heads]))
     count = np.diff(np.append(starts, ne))[sort]
-    first = np.append(0, np.cumsum(count))
+    first = np.append(0, count.cumsum())
     every = every[np.repeat(starts[sort] - first[:-1], count) + np.arange(ne)]
     before = every[successor[every] >= 0]
     out = ChainOrder(every, first, rings[sort], owner[heads][sort], before, successor[before])
@@ -192,7 +192,7 @@ def arc_starts(order: ChainOrder, lengths: Floats) -> Floats:
     """Arc length (ne,) from the start of its chain to the start of each element (m)."""
     starts = np.zeros(len(lengths))
     for elements, _ in order.side_by_side():
-        starts[elements[:, 1:]] = np.cumsum(lengths[elements], axis=1)[:, :-1]
+        starts[elements[:, 1:]] = lengths[elements].cumsum(axis=1)[:, :-1]
     return starts
 
 
@@ -236,7 +236,7 @@ def check_arrays(doflocs: Any, t: Any) -> tuple[Floats, Array]:
     used = np.zeros(nv, dtype=bool)
     used[lines] = True
     if not used.all():
-        node = np.argmin(used)
+        node = used.argmin()
         raise MeshError(f"node {node}", f"at {points[:, node].tolist()} belongs to no element")
     return np.ascontiguousarray(points), np.ascontiguousarray(lines)
 
@@ -402,7 +402,7 @@ def chain_arrays(curves: Sequence[Curve], arcs: Sequence[Floats], closed: bool) 
         "doflocs": np.concatenate(points, axis=1),
         "t": t,
         "curves": curves,
-        "curve_ids": np.repeat(np.arange(len(curves)), counts),
+        "curve_ids": np.arange(len(curves)).repeat(counts),
         "spans": np.concatenate([np.stack([s[:-1], s[1:]]) for s in arcs], axis=1),
     }
 
@@ -437,7 +437,7 @@ def beam_nodes(
         place = relative_length(key, given)
         if key in named:
             raise MeshError(f"node '{key}'", f"the name is given to an end of beam '{name}'")
-        k = np.argmin(np.abs(places - place))
+        k = np.abs(places - place).argmin()
         if not abs(places[k] - place) <= 1e-9:
             close = ", ".join(f"{x:.6g}" for x in np.sort(places[max(k - 1, 0) : k + 2]))
             raise MeshError(
@@ -525,7 +525,7 @@ def places_along(
             f" {_listed(mesh.beams)}, or elements and their reference coordinates",
         )
     ids = ids[chains[0].elements]
-    ends = np.cumsum(mesh.lengths[ids])
+    ends = mesh.lengths[ids].cumsum()
     tol = 1e-12 * ends[-1]
     at = np.atleast_1d(numbers(item, "arc length s", s))
     wrong = ~((at >= -tol) & (at <= ends[-1] + tol))

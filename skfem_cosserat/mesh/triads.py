@@ -100,7 +100,7 @@ def _by_beam(mesh: MeshCurve, value: Any, what: str) -> Iterator[tuple[Any, Inde
             known = names_known(name, beams, "known beams")
             raise MeshError(f"{what} of beam '{name}'", f"unknown beam; {known}")
         number[beams[name]] = k
-    order = np.argsort(number, kind="stable")
+    order = number.argsort(kind="stable")
     cuts = np.searchsorted(number[order], np.arange(len(value) + 1))
     for k, part in enumerate(value.values()):
         yield part, order[cuts[k] : cuts[k + 1]]
@@ -176,7 +176,7 @@ def _turned(triads: Floats, angle: Floats) -> Floats:
 # -------------------------------------------------------------------- transport
 def _normals(tangent: Floats) -> Floats:
     """Coordinate axes farthest from tangents (..., 3), x before y before z, normal to them."""
-    axis = np.eye(3)[np.argmin(abs(tangent).round(12), axis=-1)]
+    axis = np.eye(3)[abs(tangent).round(12).argmin(axis=-1)]
     normal = axis - (axis * tangent).sum(-1, keepdims=True) * tangent
     return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
@@ -238,7 +238,7 @@ def _transported(
     if m > 1:
         last = node[node % n == n - 1]
         total[:, last + 1] = angles(last, last + 1, inside=False)
-    total = np.cumsum(total, axis=1)
+    total = total.cumsum(axis=1)
     if closed.any():
         gap = total[:, -1:] + angles(np.array([m * n - 1]), np.array([0]), inside=False)
         miss = -np.arctan2(np.sin(gap), np.cos(gap))
@@ -256,12 +256,12 @@ def turns(before: Floats, after: Floats) -> Floats:
 
     Exact also at small angles: ``|A - B|^2 = 8 sin^2(t/2)``.
     """
-    return 2 * np.arcsin(np.clip(np.sqrt(((after - before) ** 2).sum(axis=(-2, -1)) / 8), 0, 1))
+    return 2 * np.arcsin(np.sqrt(((after - before) ** 2).sum(axis=(-2, -1)) / 8).clip(0, 1))
 
 
 def _twists(before: Floats, after: Floats) -> Floats:
     """Angles (...) of their part about d3, on top of the smallest rotation between the two d3."""
-    R = after @ np.swapaxes(before, -1, -2)
+    R = after @ before.swapaxes(-1, -2)
     return np.arctan2(R[..., 1, 0] - R[..., 0, 1], R[..., 0, 0] + R[..., 1, 1])
 
 
@@ -379,7 +379,7 @@ def _report_flips(mesh: MeshCurve, nodes: IndexArray, triads: Floats, item: str)
     if not flips.any():
         return
     number = np.empty(mesh.nelements, dtype=np.int64)  # of the chain
-    number[order.elements] = np.repeat(np.arange(len(order.closed)), np.diff(order.first))
+    number[order.elements] = np.arange(len(order.closed)).repeat(np.diff(order.first))
     for chain in np.unique(number[e[flips]]).tolist():
         own = np.flatnonzero(number[e] == chain)
         k = int(own[twist[own].argmax()])

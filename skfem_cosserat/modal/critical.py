@@ -204,7 +204,7 @@ def _shapes(
         state = [factor * each for each in stresses], factor * multipliers
         scaled = replace(loads, loads=factor * loads.loads)
         found.append(energies_of_motion(at.system, at.y, *state, scaled, dq, 0 * dq))
-    energy = np.diagonal(pencil.energies(X)[0])
+    energy = pencil.energies(X)[0].diagonal()
     return checks.Shapes(at.system, "critical factor", 1, np.array(found), energy)
 
 

@@ -178,7 +178,7 @@ def _missing(K: csr_matrix, M: csr_matrix, found: Eigenpairs, count: int) -> int
     Below a value in the widest gap behind those asked for.
     """
     gaps = np.diff(found.values[count - 1 :])
-    k = int(np.argmax(gaps))
+    k = int(gaps.argmax())
     try:
         negative = Factorised(K - (found.values[count - 1 + k] + 0.5 * gaps[k]) * M).negative
     except RuntimeError:  # a pivot vanishes: by chance the value is an eigenvalue of a part
@@ -202,14 +202,14 @@ def ritz(X: Floats, M: csr_matrix, energies: Energies, shift: float) -> Eigenpai
         X = X @ (scale[:, None] * turn)
         X /= np.sqrt(np.einsum("ik,ik->k", X, M @ X))
         energy, noise = energies(X)
-        values = np.diagonal(energy).copy()
+        values = energy.diagonal().copy()
         zero = abs(values) <= noise + SAME * abs(shift)
         elastic = values[~zero & (values > 0)]
         if not len(elastic) or elastic.min() < -10 * shift:
             break
         shift = -float(elastic.min())  # nearer: vectors are orthogonal to more digits
     values[zero] = 0.0
-    order = np.argsort(values, kind="stable")
+    order = values.argsort(kind="stable")
     return Eigenpairs(values[order], X[:, order], zero[order])
 
 
@@ -416,12 +416,12 @@ def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigen
     # equal real ones are pairs to rounding, of which none is to be left out
     values = np.where(abs(values.imag) <= FREE * abs(values), values.real, values)
     keep = np.flatnonzero(np.isfinite(values) & (values.imag >= 0))  # one of each pair
-    keep = keep[np.argsort(abs(values[keep]), kind="stable")][:wanted]
+    keep = keep[abs(values[keep]).argsort(kind="stable")][:wanted]
     values = values[keep]
     X = X[:, keep]
     X = X / np.sqrt(np.einsum("ik,ik->k", X.conj(), M @ X).real)
     values = _improved(pencil, C, values, X, scale)
-    order = np.argsort(abs(values), kind="stable")
+    order = abs(values).argsort(kind="stable")
     order = order[values[order] != 0]  # those without stiffness are known already
     values = np.concatenate([np.zeros(free.shape[1]), values[order]])[:count]
     X = np.concatenate([free, X[:, order]], axis=1)[:, :count]

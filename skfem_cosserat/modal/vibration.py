@@ -390,7 +390,7 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
         found = lowest(pencil.K, pencil.M, count, pencil.energies)
         s = np.sqrt(-found.values.astype(complex))
         s = np.where(found.values > 0, 1j * abs(s), abs(s))
-        order = np.argsort(~found.zero, kind="stable")
+        order = (~found.zero).argsort(kind="stable")
         s = s[order]
         X = found.vectors[:, order]
     else:
@@ -412,7 +412,7 @@ def _shapes(pencil: Pencil, s: Array, X: Array) -> checks.Shapes:
     at = pencil.at
     system = pencil.at.system
     parts, noise = pencil.energies(X)
-    energy = np.diagonal(parts).real
+    energy = parts.diagonal().real
     squares = energy / np.einsum("ik,ik->k", X.conj(), pencil.M @ X).real
     state = system, at.y, at.tangent.balance.stresses, at.tangent.multipliers, at.amplitudes
     found = []

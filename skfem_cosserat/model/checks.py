@@ -167,7 +167,7 @@ def _weakest(blocks: Floats, closure: Floats | None = None) -> tuple[int, int]:
         if not held.shape[1]:
             return -1, -1
         found = massless @ held[:, 0]
-    return e, int(np.argmax(abs(found)))
+    return e, int(abs(found).argmax())
 
 
 def _holding(system: System) -> set[int]:

@@ -124,7 +124,7 @@ class Selected:
     @property
     def pivots(self) -> Floats:
         """Sizes of the diagonal of R, of all rows but strains, against the largest of all."""
-        d = abs(np.diagonal(self.R))
+        d = abs(self.R.diagonal())
         return d[self.component.held :] / d.max(initial=1e-300)
 
     @property
@@ -203,9 +203,9 @@ class Closure:
         order, cols, begin = kin.T.structure
         size = np.diff(begin)[self._twist]
         #: each entry of ``G_loop P_int`` with each of T in the row of its twist
-        self._of_G = np.repeat(np.arange(G.nnz), size)
+        self._of_G = np.arange(G.nnz).repeat(size)
         place = np.arange(len(self._of_G)) + np.repeat(
-            begin[self._twist] - np.cumsum(size) + size, size
+            begin[self._twist] - size.cumsum() + size, size
         )
         self._of_T, row, col = order[place], G.indices[self._of_G], cols[place]
         graph = coo_matrix(
@@ -213,7 +213,7 @@ class Closure:
         )
         _, label = connected_components(graph, directed=False)
         _, found, label = np.unique(label, return_index=True, return_inverse=True)
-        label = np.argsort(np.argsort(found))[label]  # rows come first, so do their components
+        label = found.argsort().argsort()[label]  # rows come first, so do their components
         of_row = label[:count]
         parts = int(label[:count].max()) + 1
         place, rows = _grouped(of_row, parts)
@@ -238,7 +238,7 @@ class Closure:
     @property
     def _twist(self) -> IndexArray:
         """Twist of each entry of ``G_loop P_int``."""
-        return np.repeat(np.arange(self.kin.n_twist), np.diff(self._by_twists.pattern.indptr))
+        return np.arange(self.kin.n_twist).repeat(np.diff(self._by_twists.pattern.indptr))
 
     def _entries(self, y: Array) -> Array:
         return self._by_twists.pattern.data(self._by_twists.values(y))
@@ -300,7 +300,7 @@ class Closure:
         start = len(single)
         for c in self.components:
             free = start + np.arange(c.free)
-            rows.append(np.repeat(c.columns, c.free))
+            rows.append(c.columns.repeat(c.free))
             cols.append(np.tile(free, len(c.columns)))
             start += c.free
         return np.concatenate(rows), np.concatenate(cols), len(single)
@@ -321,7 +321,7 @@ class Closure:
 
 def _grouped(label: IndexArray, count: int) -> tuple[IndexArray, list[IndexArray]]:
     """Place of each in its group, and the members of the groups 0 to count - 1, in order."""
-    order = np.argsort(label, kind="stable")
+    order = label.argsort(kind="stable")
     starts = np.searchsorted(label[order], np.arange(count + 1))
     place = np.zeros(len(label), dtype=np.int64)
     known = order[: starts[-1]]

@@ -71,7 +71,7 @@ class Kinematics:
         nv = len(is_frame)
         self.tree, self.row, self.total = tree, row, total
         size = np.where(is_frame, 6, 3)
-        self.twist_of = np.concatenate([[0], np.cumsum(size)])[:-1].astype(np.int64)
+        self.twist_of = np.concatenate([[0], size.cumsum()])[:-1].astype(np.int64)
         self.n_twist = int(size.sum())
         self.unknowns = tree.count
         #: first twist number that moves each unknown row of y, and which of them are directors
@@ -92,7 +92,7 @@ class Kinematics:
         # forces on frames and points, then moments: which make up a twist force, three by three
         self._force_rows = np.concatenate([self.frame_rows, row[self.points]])
         first = [self.frame_twist[:, 0], self.point_twist[:, 0], self.frame_twist[:, 3]]
-        self._by_twist = np.argsort(np.concatenate(first))
+        self._by_twist = np.concatenate(first).argsort()
         self.frame_row = np.where(is_frame, row[:nv], -1)
         #: (coordinate numbers, (parent spot, child spot)) of points that move on spheres
         self.spheres = [
@@ -106,8 +106,8 @@ class Kinematics:
         # as if no vertex had a parent: translations, then rotations; driven ones behind all others
         size = np.array([*map(len, tree.own), len(tree.driven)])
         #: vertex of each coordinate; numbers of those of each kind
-        self.vertex = np.repeat(np.arange(nv + 1), size)
-        place = np.arange(len(self.vertex)) - (np.cumsum(size) - size)[self.vertex]
+        self.vertex = np.arange(nv + 1).repeat(size)
+        place = np.arange(len(self.vertex)) - (size.cumsum() - size)[self.vertex]
         axes = np.concatenate([tree.directions, tree.axes])
         self.axis = axes[np.minimum(place, len(axes) - 1)]
         kinds = (place >= len(tree.directions)).astype(np.int8)
@@ -272,9 +272,9 @@ class TwistMap:
         known = list(kin.tree.spots)
         first = np.full(len(known), len(both))
         first[both[::-1]] = np.arange(len(both))[::-1]  # what is written last stays
-        order = np.argsort(first, kind="stable")
+        order = first.argsort(kind="stable")
         self.spots = [known[k] for k in order[: (first < len(both)).sum()]]
-        self.pair_target, self.pair_centre = np.split(np.argsort(order)[both], 2)
+        self.pair_target, self.pair_centre = np.split(order.argsort()[both], 2)
         # spots, then material axes: one product gives all points and axes of a configuration
         self._combine = combination([kin.spot_terms(s) for s in self.spots] + kin.axis_terms)
         on_hinge = np.isin(turning.number, kin.hinges)
@@ -288,15 +288,15 @@ class TwistMap:
         tree = kin.tree
         own = np.array([k for v in tree.free for k in tree.own[v]], dtype=np.int64)
         first = kin.twist_of[kin.vertex[own]] + 3 * np.isin(own, kin.numbers["rotation"])
-        which, along = np.nonzero(kin.axis[own])
+        which, along = kin.axis[own].nonzero()
         base = kin.twist_of[shifting.vertex][:, None] + np.arange(3)
         free_rows = np.concatenate([first[which] + along, base.ravel()])
-        free_cols = np.concatenate([own[which], np.repeat(shifting.number, 3)])
+        free_cols = np.concatenate([own[which], shifting.number.repeat(3)])
         self._constant = np.concatenate(
             [kin.axis[own][which, along], kin.axis[shifting.number].ravel()]
         )
         base = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
-        number = np.repeat(self.pair_number[:, None], 3, axis=1)
+        number = self.pair_number[:, None].repeat(3, axis=1)
         self._slide_twist = kin.twist_of[slide_vertex][:, None] + np.arange(3)
         self.rows = np.concatenate(
             [
@@ -311,7 +311,7 @@ class TwistMap:
                 free_cols,
                 number.ravel(),
                 number[self.pair_rotates].ravel(),
-                np.repeat(self.slide_number, 3),
+                self.slide_number.repeat(3),
             ]
         )
         #: entries that are 1 at any configuration
@@ -399,10 +399,10 @@ class TwistMap:
         guided = self._moved.guided
         number = self.pair_number[on.spot_pair]
         turning = on.turning
-        rows = [np.repeat(n, 3) for n in (self.pair_number[guided], number, number[turning])]
+        rows = [n.repeat(3) for n in (self.pair_number[guided], number, number[turning])]
         twists = (on.guide_twist, on.spot_twist, on.spot_twist[turning] + 3)
         cols = [(twist[:, None] + np.arange(3)).ravel() for twist in twists]
-        rows.append(np.repeat(self.slide_number[on.track], 3))
+        rows.append(self.slide_number[on.track].repeat(3))
         cols.append((on.track_twist[:, None] + np.arange(3)).ravel())
         return np.concatenate(rows), np.concatenate(cols)
 
@@ -465,7 +465,7 @@ class Recursion:
         self.held = self.parent < nv
         self.roots = np.intersect1d(np.array(tree.free, dtype=np.int64), self.parent)
         depth = np.array([tree.depth[e.child] for e in edges], dtype=np.int64)
-        order = np.argsort(depth, kind="stable")
+        order = depth.argsort(kind="stable")
         self.levels = np.split(order, np.flatnonzero(np.diff(depth[order])) + 1)
         frame = np.array(tree.is_frame)
         self.turns = np.flatnonzero(self.held)[frame[self.parent[self.held]]]
@@ -549,7 +549,7 @@ class Recursion:
     def _vertex(self) -> IndexArray:
         """Vertex of each twist."""
         twist = self.kin.twist_of
-        return np.repeat(np.arange(len(twist)), np.diff(twist, append=self.kin.n_twist))
+        return np.arange(len(twist)).repeat(np.diff(twist, append=self.kin.n_twist))
 
     @property
     def below(self) -> NDArray[np.bool_]:
@@ -562,7 +562,7 @@ class Recursion:
         tree = self.kin.tree
         count = len(self.kin.twist_of)
         depth = np.array([tree.depth.get(v, 0) for v in range(count)])
-        return np.argsort(depth[self._vertex], kind="stable")
+        return depth[self._vertex].argsort(kind="stable")
 
     @cached_property
     def _pattern(self) -> FrozenPattern:

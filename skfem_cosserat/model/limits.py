@@ -275,7 +275,7 @@ def limp(beam: Beam) -> str:
 
 def _steps(triads: Floats) -> Floats:
     """Rotations from node to node (..., p, 3, 3) in the nodes' own frames: (..., p + 1, 3, 3)."""
-    return triads[..., 1:, :, :] @ np.swapaxes(triads[..., :-1, :, :], -1, -2)
+    return triads[..., 1:, :, :] @ triads[..., :-1, :, :].swapaxes(-1, -2)
 
 
 # -- elements drawn so much that node rotations their Gauss points do not see grow -----------------

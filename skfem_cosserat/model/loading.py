@@ -255,7 +255,7 @@ class Loading:
             ne, nn = own.shape
             each = block.reshape(ne, nn, 4, nn, 4).transpose(0, 1, 3, 2, 4)
             values.append(each.reshape(-1, 4, 4))
-            vertices.append(np.stack([np.repeat(own, nn, 1), np.tile(own, (1, nn))], -1))
+            vertices.append(np.stack([own.repeat(nn, 1), np.tile(own, (1, nn))], -1))
             vertices[-1] = vertices[-1].reshape(-1, 2)
             channels.append(np.full(len(values[-1]), channel))
         return Followers(np.concatenate(vertices), np.concatenate(channels), np.concatenate(values))

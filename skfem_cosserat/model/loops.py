@@ -680,8 +680,8 @@ def coordinates_in_plane(system: System) -> csr_matrix:
     assert plane is not None
     rows = plane.moving(system.q0.reshape(-1, 3), system.origin_rows)
     count = 2 * len(rows)
-    i = np.repeat((3 * rows[:, None] + np.arange(3))[:, :, None], 2, axis=2).ravel()
-    j = np.repeat(np.arange(count).reshape(-1, 1, 2), 3, axis=1).ravel()
+    i = (3 * rows[:, None] + np.arange(3))[:, :, None].repeat(2, axis=2).ravel()
+    j = np.arange(count).reshape(-1, 1, 2).repeat(3, axis=1).ravel()
     values = np.broadcast_to(plane.axes.T, (len(rows), 3, 2)).ravel()
     return csr_matrix((values, (i, j)), shape=(system.n, count))
 
@@ -756,7 +756,7 @@ def _rigid(system: System, y: Floats) -> csr_matrix:
 
     def add(row: IndexArray, column: IndexArray, rate: Floats) -> None:
         rows.append((3 * row[:, None] + np.arange(3)).ravel())
-        cols.append(np.repeat(column, 3))
+        cols.append(column.repeat(3))
         values.append(np.broadcast_to(rate, (len(row), 3)).ravel())
 
     for k, axis in enumerate(plane.axes):

@@ -197,7 +197,7 @@ class Plane:
         rise = (rows if start is None else rows - start.reshape(-1, 3)) @ self.normal
         scale = np.ones(len(rows))
         scale[origins] = self.length**power
-        worst = np.argmax(scale * abs(rise))
+        worst = (scale * abs(rise)).argmax()
         size = float((scale[:, None] * abs(rows)).max()) if start is None else 1.0
         if scale[worst] * abs(rise[worst]) > OFF_PLANE * size:
             raise InputError(
@@ -317,7 +317,7 @@ def _masses(M: Floats, nu: Floats, length: float = 0.0) -> str:
     S = np.eye(len(M))
     S[1:, 1:] -= 2 * np.outer(nu, nu)
     odd = 0.5 * (M - S @ M @ S)
-    size = np.trace(M[1:, 1:])
+    size = M[1:, 1:].trace()
     radius = np.sqrt(size / M[0, 0]) if M[0, 0] else 0.0
     if abs(odd[0]).max() > TOLERANCE * M[0, 0] * max(radius, length):
         off = float(odd[0, 1:] @ nu / M[0, 0])
@@ -337,7 +337,7 @@ def _velocity(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
         return
     n = plane.normal
     out = vertices.velocities @ n
-    worst = np.argmax(abs(out))
+    worst = abs(out).argmax()
     if abs(out[worst]) > TOLERANCE * np.linalg.norm(vertices.velocities, axis=1).max():
         yield item.label, f"its initial velocity leaves the plane by {out[worst]:.6g} m/s"
     omega = vertices.angular_velocities

@@ -146,9 +146,9 @@ class QuadraticConstraints:
         dots = (self._factors(reference) * reference[self._pa] * reference[self._pb]).sum(1)
         self._constant = np.bincount(self._pk, dots, m)
         self._other = np.concatenate([self._pb, self._pa])
-        self._linear_values = np.repeat(lc, 3)
+        self._linear_values = lc.repeat(3)
         # rows and columns never change
-        xyz, each = np.arange(3), np.repeat(self._pk, 3)
+        xyz, each = np.arange(3), self._pk.repeat(3)
         self.rows = np.concatenate([self._lk, each, each])
         self.cols = (3 * np.concatenate([self._la, self._pa, self._pb])[:, None] + xyz).ravel()
         self.inside = np.flatnonzero(self.cols < n)
@@ -299,7 +299,7 @@ class QuadraticConstraints:
         H depends on y only through numbers prescribed in time.
         """
         each = multipliers[self._pk[self._curved]] * self._factors(y)[self._curved, 0]
-        return np.repeat(np.concatenate([each, each]), 3)
+        return np.concatenate([each, each]).repeat(3)
 
     def curvature_of(self, rows: IndexArray) -> tuple[IndexArray, IndexArray]:
         """Products (p,) with both vectors unknown in some rows, and pairs (2 p, 2) of rows of y.

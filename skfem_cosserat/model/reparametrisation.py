@@ -90,7 +90,7 @@ class Reparametrisation:
         self._prepare_turns()
         # increments that a step starts with, not to be written to
         self._still_shift = np.zeros((len(self.shift_numbers), 3))
-        self._still_turns = np.repeat(np.eye(1, 4), len(self._theta), axis=0)
+        self._still_turns = np.eye(1, 4).repeat(len(self._theta), axis=0)
 
     def _prepare_turns(self) -> None:
         """Rotation vectors of free frames, arms on spheres and hinges: numbers and factors."""
@@ -101,7 +101,7 @@ class Reparametrisation:
         self._hinge_free[self._hinges.free] = 1.0
         single = np.concatenate([self.sphere_numbers[:, 0], hinges])
         numbers = np.broadcast_to(self.turn_numbers, (len(self.turn_numbers), 3))
-        self._theta = np.concatenate([numbers, np.repeat(single[:, None], 3, axis=1)])
+        self._theta = np.concatenate([numbers, single[:, None].repeat(3, axis=1)])
         along = self._axes if self._flat else np.ones((1, 3))
         self._along = -np.broadcast_to(along, (len(self.turn_numbers), 3))
         #: first sphere, first hinge
@@ -121,8 +121,8 @@ class Reparametrisation:
         self._layers = _layers([tree.turns.get(e.child, []) for e in self._relative], number)
         self._ground_rows = kin.row[self._grounds][:, None] + np.arange(1, 4)
         self._prepare_order()
-        relative = np.cumsum(turned) - 1
-        order = np.argsort(depth, kind="stable")
+        relative = turned.cumsum() - 1
+        order = depth.argsort(kind="stable")
         self._levels = []
         for at in np.split(order, np.flatnonzero(np.diff(depth[order])) + 1):
             own = at[turned[at]]

@@ -283,7 +283,7 @@ class System(Pictured):
         self.n = 3 * row
         self.is_frame = np.concatenate(framed)
         size = np.where(self.is_frame, 4, 1)
-        self.origin_rows: IndexArray = np.cumsum(size) - size
+        self.origin_rows: IndexArray = size.cumsum() - size
         self._y0, self._v0 = np.concatenate(y), np.concatenate(rates)
 
     def _place_ground(self, couplings: Sequence[Coupling]) -> None:

@@ -313,11 +313,11 @@ def build_tree(
     by_child = {edge.child: edge for edge in edges}
     count = np.where(is_frame, len(tree.directions) + len(tree.axes), len(tree.directions))
     count[[*by_child]] = 0
-    before = np.cumsum(count).tolist()  # coordinates of vertices without a parent
+    before = count.cumsum().tolist()  # coordinates of vertices without a parent
     adding = _Adding(tree)
     for v in sorted(by_child):  # numbering in vertex order keeps neighbours close
         count[v] = adding.vertex(v, by_child[v], before[v])
-    first = (np.cumsum(count) - count).tolist()
+    first = (count.cumsum() - count).tolist()
     tree.own = [range(k, k + size) for k, size in zip(first, count.tolist(), strict=True)]
     for k, coordinate in enumerate(tree.driven):
         coordinate.number = tree.count + k

@@ -118,7 +118,7 @@ def triangulate(
         t = t[inside(points[t].mean(axis=1)) >= 0]
         centres, radii, shortest = _circumcircles(points, t)
         bad = np.flatnonzero((radii > SHAPE * shortest) & (shortest > floor))
-        bad = bad[np.argsort(-radii[bad] / shortest[bad])]
+        bad = bad[(-radii[bad] / shortest[bad]).argsort()]
         bad = bad[_apart(centres[bad], radii[bad])] if len(bad) else bad
         split = long_enough(_encroached(points, segments, centres[bad]))
         if len(bad) == 0:

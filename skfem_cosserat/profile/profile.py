@@ -110,7 +110,7 @@ def _checked_mesh(item: str, mesh: Mesh) -> Mesh:
         mesh = mesh.remove_unused_nodes()
     size = _sizes(mesh)
     if (size <= 1e-12 * size.max()).any():
-        raise InputError(item, f"element {int(np.argmin(size))} of the mesh has no area")
+        raise InputError(item, f"element {int(size.argmin())} of the mesh has no area")
     pairs = mesh.f2t[:, mesh.f2t[1] >= 0]
     graph = coo_matrix((np.ones(pairs.shape[1]), pairs), shape=2 * (mesh.nelements,))
     parts, part = connected_components(graph, directed=False)
@@ -353,7 +353,7 @@ def _marked(coarse: Warping, fine: Warping) -> IndexArray:
     difference = np.einsum("rl,rieq->lieq", loads, fine.strains - coarse.strains)
     share = fine.energies(difference).sum(axis=0)
     share_down = -np.sort(-share)
-    total = np.cumsum(share_down)
+    total = share_down.cumsum()
     least = share_down[np.searchsorted(total, 0.8 * total[-1])]
     return np.flatnonzero(share >= (1 - 1e-6) * least)  # equal ones together
 

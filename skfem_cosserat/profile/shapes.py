@@ -20,11 +20,11 @@ Part = tuple[Sequence[float], Sequence[float], AnyMaterial]
 def _lines(ends: Floats) -> tuple[Floats, IndexArray]:
     """Ends sorted, those equal to round-off once; and the position of each given end."""
     size = np.ptp(ends)
-    order = np.argsort(ends, axis=None)
+    order = ends.argsort(axis=None)
     new = np.diff(ends.ravel()[order], prepend=-np.inf) > 1e-9 * size
     place = np.empty(ends.size, dtype=np.int64)
-    place[order] = np.cumsum(new) - 1
-    return ends.ravel()[order][new], np.reshape(place, ends.shape)
+    place[order] = new.cumsum() - 1
+    return ends.ravel()[order][new], place.reshape(ends.shape)
 
 
 def _divided(x: Floats, size: float) -> tuple[Floats, IndexArray]:
@@ -33,7 +33,7 @@ def _divided(x: Floats, size: float) -> tuple[Floats, IndexArray]:
     parts = [
         np.linspace(a, b, n, endpoint=False) for a, b, n in zip(x, x[1:], counts, strict=False)
     ]
-    return np.append(np.concatenate(parts), x[-1]), np.repeat(np.arange(len(counts)), counts)
+    return np.append(np.concatenate(parts), x[-1]), np.arange(len(counts)).repeat(counts)
 
 
 class ProfileRectangles(Profile):
@@ -85,7 +85,7 @@ def _grid(x: Floats, y: Floats, owner: IndexArray, size: float) -> tuple[Mesh, l
     """Triangles of the cells that are owned, a subdomain for each owner."""
     (x, column), (y, row) = _divided(x, size), _divided(y, size)
     cell = owner[np.ix_(column, row)]
-    i, j = np.nonzero(cell >= 0)
+    i, j = (cell >= 0).nonzero()
     corner = i * len(y) + j
     a, b, c, d = corner, corner + len(y), corner + len(y) + 1, corner + 1
     even = (i + j) % 2 == 0
@@ -96,7 +96,7 @@ def _grid(x: Floats, y: Floats, owner: IndexArray, size: float) -> tuple[Mesh, l
         ]
     )
     used, t = np.unique(t, return_inverse=True)
-    points = np.stack([np.repeat(x, len(y)), np.tile(y, len(x))])[:, used]
+    points = np.stack([x.repeat(len(y)), np.tile(y, len(x))])[:, used]
     owners = np.tile(cell[i, j], 2)
     names = [f"rectangle {k}" for k in range(owner.max() + 1)]
     mesh = MeshTri1(points, t.reshape(3, -1)).with_subdomains(

@@ -506,7 +506,7 @@ class ProfileConstants(Frozen):
         axis = vectors[:, 1]
         if values[1] - values[0] <= 1e-9 * values[1]:
             return values[::-1], 0.0  # every axis is
-        axis = axis * np.sign(axis[np.argmax(abs(axis) > 1e-12)])
+        axis = axis * np.sign(axis[(abs(axis) > 1e-12).argmax()])
         return values[::-1], float(np.arctan2(axis[1], axis[0]))
 
     def moved(self, origin: ArrayLike, angle: float = 0.0) -> ProfileConstants:
