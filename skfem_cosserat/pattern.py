@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
 from .errors import InputError
-from .types import Array, ArrayLike, IndexArray
+from .types import NO_INDICES, Array, ArrayLike, IndexArray
 
 #: rows and columns up to which a full matrix is multiplied faster than a sparse one
 FULL_ROWS = 100
@@ -116,7 +116,7 @@ def _indices(name: str, values: ArrayLike, limit: int) -> IndexArray:
     """Flat indices below a limit."""
     array = np.asarray(values).reshape(-1)
     if array.size == 0:
-        return np.zeros(0, dtype=np.int64)
+        return NO_INDICES
     if not np.issubdtype(array.dtype, np.integer):
         raise InputError(f"argument {name}", f"has type {array.dtype}, expected integers")
     if array.min() < 0 or array.max() >= limit:

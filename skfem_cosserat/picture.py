@@ -162,7 +162,7 @@ def _axes(vectors: Floats) -> Floats:
     unit = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
     normal = unit - np.eye(3)[2]
     outer = normal[..., None] * normal[..., None, :]
-    return np.asarray(np.eye(3) - outer / np.maximum(1.0 - unit[..., 2:, None], 1e-12))
+    return np.eye(3) - outer / np.maximum(1.0 - unit[..., 2:, None], 1e-12)
 
 
 #: shapes of joints and couplings; others are balls, or lines if they have two ends
@@ -339,7 +339,7 @@ class Scene:
 
         def points(row: Row) -> Floats:
             a, b = row[ends]
-            return np.asarray(a + s * (b - a) + coil @ _axes(b - a))
+            return a + s * (b - a) + coil @ _axes(b - a)
 
         return Piece(_LINES, pyvista.MultipleLines(coil), points, entry["name"])
 

@@ -409,7 +409,7 @@ def _with_midpoints(loop: Floats) -> Floats:
     """A closed polygon (k, 2) with points between its corners, if it has few."""
     ends = loop, np.roll(loop, -1, axis=0)
     between = np.linspace(*ends, -(-AROUND // len(loop)), endpoint=False, axis=1)
-    return np.asarray(between.reshape(-1, 2))
+    return between.reshape(-1, 2)
 
 
 def _stresses(section: Section, E: float) -> tuple[Floats, Floats]:
@@ -429,7 +429,7 @@ def _series(n: Array, z: Array, end: float) -> Array:
     """Sum of ``cosh(n z) / (n^2 cosh(n end))`` over n (m,) at points z = x + i y (k,)."""
     n = n[:, None]
     falling = np.exp(n * (z - end)) + np.exp(-n * (z + end))
-    return np.asarray((falling / (1 + np.exp(-2 * n * end)) / n**2).sum(0))
+    return (falling / (1 + np.exp(-2 * n * end)) / n**2).sum(0)
 
 
 def _twist(at: Floats, A: float, B: float) -> Floats:
@@ -441,7 +441,7 @@ def _twist(at: Floats, A: float, B: float) -> Floats:
     the edges |x| = A.
     """
     (x, y), n = at, np.arange(1, 2 * TERMS, 2) * np.pi / (2 * B)
-    return np.asarray(4 / B * _series(n, x + 1j * (y - B), A).real - 2 * y)
+    return 4 / B * _series(n, x + 1j * (y - B), A).real - 2 * y
 
 
 def _flexure(at: Floats, A: float, B: float, nu: float) -> Floats:

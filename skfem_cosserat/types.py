@@ -18,6 +18,8 @@ from .errors import InputError
 Array: TypeAlias = NDArray[Any]
 Floats: TypeAlias = NDArray[np.float64]
 IndexArray: TypeAlias = NDArray[np.int64]
+#: Numbers of nothing.
+NO_INDICES: IndexArray = np.zeros(0, dtype=np.int64)
 #: The name of a file or folder.
 FilePath: TypeAlias = str | os.PathLike[str]
 #: Three numbers.

@@ -18,7 +18,7 @@ from ..model.closure import Selected
 from ..model.groups import Blocks
 from ..model.loops import Passages
 from ..pattern import FrozenPattern, sum_at
-from ..types import Array, Floats, IndexArray, largest
+from ..types import NO_INDICES, Array, Floats, IndexArray, largest
 
 # --------------------------------------------------------------------------------------------------
 # The constraint Jacobian at one configuration: least-norm solutions, also with redundant rows.
@@ -43,7 +43,7 @@ def rows_touching(system: System, coordinates: Array) -> Array:
 def dependent_rows(system: System, y: Floats) -> IndexArray:
     """Numbers of the constraint rows that depend on the others at y (total, 3)."""
     if not len(system.closure.rows):
-        return np.zeros(0, dtype=np.int64)
+        return NO_INDICES
     return np.flatnonzero(~system.independent_rows(y))
 
 
@@ -174,7 +174,7 @@ class BoundTreatment(ABC):
     #: motion (rad, or relative to the scene) within which no singular position can be
     clearance: float = 0.0
     #: constraint rows that close loops in this step, independent of each other
-    closing: IndexArray = np.zeros(0, dtype=np.int64)
+    closing: IndexArray = NO_INDICES
     #: increments of the last step, for one of the size of this one; None: there are none
     last: Array | None = None
     #: rows at the start of the step; the ground's rows at its end, which may change on the way

@@ -15,7 +15,7 @@ from ..model.groups import Blocks, Parts
 from ..model.loops import coordinates_in_plane, rows_in_plane, way_off
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, sum_at
-from ..types import Array, Floats, switch
+from ..types import NO_INDICES, Array, Floats, switch
 from .base import BoundTreatment, Congruence, Treatment, group_pairs, pair_numbers
 
 # -- unknowns with multipliers in one plane: coordinates and constraint rows that act there --------
@@ -139,7 +139,7 @@ class BoundMultipliers(BoundTreatment):
         gi = g.G_rows
         gj = g.G_cols
         self._redundant = system.closure.rank < len(system.closure.rows)
-        loop = n + system.closure.rows if self._redundant else np.zeros(0, dtype=np.int64)
+        loop = n + system.closure.rows if self._redundant else NO_INDICES
         ci, cj = pair_numbers(system.coupled_rows, 3 * np.arange(system.rows))
         rows = [i, ci, gj, n + gi, loop]
         cols = [j, cj, n + gi, gj, loop]

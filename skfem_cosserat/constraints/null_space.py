@@ -17,7 +17,7 @@ from ..model.kinematics import Located, Recursion
 from ..model.loops import way_on
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, sum_at
-from ..types import Array, Floats, IndexArray
+from ..types import NO_INDICES, Array, Floats, IndexArray
 from ..warn import warn
 from .base import BoundTreatment, Congruence, RowSpace, Treatment, group_pairs, pair_numbers
 
@@ -274,7 +274,7 @@ class BoundNullSpace(BoundTreatment):
             for g in system.groups
         ]
         ends = [group_pairs(system, dofs), pair_numbers(self._row_pairs, kin.row_twist)]
-        extra = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+        extra = (NO_INDICES, NO_INDICES)
         if self.weight:  # derivative of P: moments on each frame, and the tree's
             omega = kin.frame_twist[:, 3:]
             ends.append((omega.repeat(3, axis=1).ravel(), np.tile(omega, (1, 3)).ravel()))

@@ -205,7 +205,7 @@ def _strains_under(beam: Beam, strains: Floats, free: Floats, forces: Floats) ->
     for _ in range(4 if sections.laws else 1):
         gap = forces - beam_stress(sections, elastic)
         elastic += _strained(section_moduli(sections, elastic), gap, held)
-    return np.asarray(elastic + unloaded)
+    return elastic + unloaded
 
 
 def _strained(moduli: Array, gap: Array, held: list[int]) -> Array:
@@ -359,7 +359,7 @@ class Statics:
     def moment(self, slope: Array) -> Array:
         """(..., l, 3) in space, for a line of this slope (..., k, 3)."""
         turned = cross(slope, self.n[..., : slope.shape[-2], :])
-        return np.asarray(self._m - self._over @ (turned + self._couple))
+        return self._m - self._over @ (turned + self._couple)
 
 
 def integrals(places: Floats, to: Floats) -> Floats:

@@ -22,7 +22,7 @@ from ..linear import EIGENVALUES, SingularMatrixError
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Balance, balance, balance_tangent
 from ..model.loops import null_space_matrix
-from ..types import Array, ArrayLike, Floats, numbers, real
+from ..types import NO_INDICES, Array, ArrayLike, Floats, numbers, real
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
@@ -269,7 +269,7 @@ def blocks_matrix(system: System, blocks: list[Array]) -> csr_matrix:
     pairs = 3 * system.couplings.pairs[:, :, None, None]
     places = [(group.dofs[:, :, None], group.dofs[:, None, :]) for group in system.groups]
     places.append((pairs[:, 0] + xyz[:, None], pairs[:, 1] + xyz))
-    none = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
+    none = [(NO_INDICES, NO_INDICES, np.zeros(0))]
     each = [np.broadcast_arrays(*at, block) for at, block in zip(places, blocks, strict=False)]
     rows, cols, values = (
         np.concatenate([part.ravel() for part in parts]) for parts in zip(*none, *each, strict=True)

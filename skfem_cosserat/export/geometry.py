@@ -76,7 +76,7 @@ def quaternions(directors: ArrayLike) -> Floats:
 
     d = np.asarray(directors, dtype=float)
     turned = Rotation.from_matrix(nearest_rotations(d.reshape(-1, 3, 3))).inv()
-    return np.asarray(turned.as_quat(True, scalar_first=True)).reshape(*d.shape[:-2], 4)
+    return turned.as_quat(True, scalar_first=True).reshape(*d.shape[:-2], 4)
 
 
 def piece_weights(gauss: Floats, pieces: int) -> Floats:
@@ -86,7 +86,7 @@ def piece_weights(gauss: Floats, pieces: int) -> Floats:
     """
     away = abs(gauss - (np.arange(pieces)[:, None] + 0.5) / pieces)
     own = away <= np.maximum(away.min(axis=1, keepdims=True), 0.5 / pieces)
-    return np.asarray(own / own.sum(axis=1, keepdims=True))
+    return own / own.sum(axis=1, keepdims=True)
 
 
 class BeamShape:

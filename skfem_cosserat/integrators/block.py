@@ -14,7 +14,7 @@ from ..constraints.saddle import accelerations, nearest_momentum, nearest_veloci
 from ..errors import CosseratError, Diverged
 from ..model import System
 from ..newton import NewtonSettings
-from ..types import Floats, IndexArray
+from ..types import NO_INDICES, Floats, IndexArray
 from .base import Integrator
 from .scheme import State, StepOrigin, StepWork, carried_rates
 
@@ -151,7 +151,7 @@ class Block(Sequence["StepReport"]):
     ) -> Block:
         """Block of a single step from a state to another one."""
         assert state.made_by is not None
-        none = np.zeros(0, dtype=np.int64)
+        none = NO_INDICES
         return cls(
             system,
             integrator,

@@ -19,7 +19,16 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, MeshError, ModelWarning
-from ..types import Array, ArrayLike, FilePath, Floats, IndexArray, file_path, names_known
+from ..types import (
+    NO_INDICES,
+    Array,
+    ArrayLike,
+    FilePath,
+    Floats,
+    IndexArray,
+    file_path,
+    names_known,
+)
 from ..warn import logger, warn
 from .decks import DECKS, Deck
 from .topology import element_numbers
@@ -138,7 +147,7 @@ def read_gmsh41(content: bytes) -> Groups:
     blocks, count, _, _ = _integers(words, 4)
     if not 0 <= 3 * count <= sum(map(len, rows)):
         raise ValueError(f"says that it has {count} nodes, which do not fit in it")
-    tags, points = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))]
+    tags, points = [NO_INDICES], [np.zeros((0, 3))]
     for _ in range(blocks):
         dim, _, parametric, size = _integers(words, 4)
         tags.append(np.array(_integers(words, size), dtype=np.int64))

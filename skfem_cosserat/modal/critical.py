@@ -179,7 +179,7 @@ def buckling(
             )
         factors = Factorised(pencil.K)
         u = _solve(pencil, factors, P.T @ applied)
-        K1, stresses, multipliers = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))
+        K1, stresses, multipliers = _geometric(at, loads, (P @ u).reshape(-1, 3))
         values, X = _critical(pencil, K1, factors, count, sign)
         X = led(X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X)), tangent.metric)
         made = still.factorisations + 1

@@ -23,7 +23,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..kernels import skew
 from ..pattern import FrozenPattern, sum_at
-from ..types import TOLERANCE, Array, Floats, IndexArray
+from ..types import NO_INDICES, TOLERANCE, Array, Floats, IndexArray
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
 
@@ -260,7 +260,7 @@ class Closure:
         terms = self._entries(y) ** 2 * square[self._twist]  # translations relative to the scene
         size = np.sqrt(np.bincount(self._by_twists.pattern.indices, terms, len(self.rows)))
         self.magnitude = np.where(size > 0, size, 1.0)
-        redundant = [np.zeros(0, dtype=np.int64)]
+        redundant = [NO_INDICES]
         for c, C in zip(self.components, self.matrices(y, T), strict=True):
             order, d = pivoted(C, c.held)
             largest = max(1.0, d.max(initial=0.0))

@@ -32,7 +32,7 @@ from ..kernels import (
 )
 from ..law import Law
 from ..pattern import FrozenPattern
-from ..types import Array, Floats, IndexArray
+from ..types import NO_INDICES, Array, Floats, IndexArray
 
 if TYPE_CHECKING:
     from ..beam import Beam
@@ -63,7 +63,7 @@ def assemble_mass(
     size : int
         Rows of y.
     """
-    i, j, c = [np.zeros(0, dtype=np.int64)], [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
+    i, j, c = [NO_INDICES], [NO_INDICES], [np.zeros(0)]
 
     def add(rows: IndexArray, blocks: Floats) -> None:
         ne, r = rows.shape

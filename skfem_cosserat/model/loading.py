@@ -28,7 +28,7 @@ from ..time_function import (
     constant_after,
     numbers_of,
 )
-from ..types import Array, Floats, IndexArray
+from ..types import NO_INDICES, Array, Floats, IndexArray
 from .groups import BeamGroup, Group
 
 #: of the complex step
@@ -225,7 +225,7 @@ class Loading:
     @property
     def moments(self) -> Moments:
         """Moments on single frames."""
-        vertices = np.zeros(0, dtype=np.int64)
+        vertices = NO_INDICES
         if self._frame_group is not None:
             vertices = self._frame_group.vertices[self._moment_block, 0]
         return Moments(vertices, self._moment_channel, self._moment_follows, self._moment_value)
@@ -248,7 +248,7 @@ class Loading:
     def followers(self) -> Followers:
         """Forces fixed in bodies and sections, frame by frame."""
         vertices = [np.zeros((0, 2), dtype=np.int64)]
-        channels = [np.zeros(0, dtype=np.int64)]
+        channels = [NO_INDICES]
         values = [np.zeros((0, 4, 4))]
         for channel, number, ids, block in self._followers:
             own = self._group(number).vertices[ids]

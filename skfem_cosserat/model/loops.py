@@ -16,7 +16,7 @@ from ..frames import Item, is_beam
 from ..joint import Joint, JointDrive
 from ..kernels import cross, null_space_blocks
 from ..theory import TheoryInextensible, TheoryRigid
-from ..types import TOLERANCE, Floats, IndexArray
+from ..types import NO_INDICES, TOLERANCE, Floats, IndexArray
 from ..warn import warn
 from .checks import JointRows
 from .closure import SINGULAR, Closure, RowsByTwists, Selected, continued, directed, pivoted
@@ -713,7 +713,7 @@ def rows_in_plane(system: System) -> IndexArray:
         open_rows = np.setdiff1d(each.numbers, system.closure.rows)
         elements = (open_rows - each.rows.start) // (each.shape[1] * each.shape[2])
         kept += [_pick(held, open_rows[elements == e]) for e in np.unique(elements)]
-    out = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *kept]))
+    out = np.sort(np.concatenate([NO_INDICES, *kept]))
     free = system.kinematics.unknowns - len(system.held_rows)
     if count - len(out) != free:
         raise InputError(

@@ -17,7 +17,7 @@ import numpy as np
 from ..frames import is_beam
 from ..joint import Joint
 from ..strain import FORMS
-from ..types import Floats, IndexArray
+from ..types import NO_INDICES, Floats, IndexArray
 from .groups import Structure
 from .quadratic import ConstraintBuilder
 from .tree import RigidElement, Tree
@@ -227,4 +227,4 @@ class Spanning:
 def rows_of(elements: Iterable[HeldElement]) -> IndexArray:
     """Constraint rows of elements."""
     rows = [each.numbers[e].ravel() for each, e in elements]
-    return np.concatenate([np.zeros(0, dtype=np.int64), *rows])
+    return np.concatenate([NO_INDICES, *rows])

@@ -11,7 +11,7 @@ from skfem import MeshTri1
 
 from ..errors import InputError
 from ..frozen import Frozen
-from ..types import ArrayLike, Floats, IndexArray, numbers
+from ..types import NO_INDICES, ArrayLike, Floats, IndexArray, numbers
 from .profile import AnyMaterial, Profile, signed_area
 
 # -- triangles of good shape between given segments: Ruppert's refinement of Delaunay's mesh -------
@@ -55,7 +55,7 @@ def _missing(t: IndexArray, segments: IndexArray, count: int) -> IndexArray:
 def _encroached(points: Floats, segments: IndexArray, by: Floats) -> IndexArray:
     """Segments with a point of ``by`` inside their diametral circle."""
     if len(by) == 0:
-        return np.zeros(0, dtype=np.int64)
+        return NO_INDICES
     ends = points[segments]
     middle = ends.mean(axis=1)
     radius = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2

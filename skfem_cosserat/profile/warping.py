@@ -591,7 +591,7 @@ class ProfileConstants(Frozen):
             places.append(loop + INSIDE * np.sqrt(self.area) * inward)
         R, to = self._axes
         x = np.concatenate(places) @ R[:2, :2] + self.origin
-        return np.asarray((R @ self.warping.stresses_at(x)[:, [4, 3, 2]] @ to)[:, [2, 0, 1]])
+        return (R @ self.warping.stresses_at(x)[:, [4, 3, 2]] @ to)[:, [2, 0, 1]]
 
     def stresses(self, resultants: ArrayLike) -> tuple[Floats, Floats]:
         """Stresses in the material under the six resultants of the beam.
