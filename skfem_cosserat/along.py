@@ -21,7 +21,7 @@ BEYOND = 1e-9
 class Stations:
     """Values (k, m) at increasing arc lengths (k,) in m, linear or smooth in between."""
 
-    def __init__(self, item: str, s: ArrayLike, values: Floats, smooth: bool = False) -> None:
+    def __init__(self, item: str, s: ArrayLike, values: Floats, smooth: bool = False):
         self.item, self.s, self.values, self.smooth = item, numbers(item, "s", s), values, smooth
         if self.s.ndim != 1 or len(self.s) < 2 or not (np.diff(self.s) > 0).all():
             text = f"s = {self.s.tolist()}, expected two or more arc lengths that increase"
@@ -55,7 +55,7 @@ class Along(Frozen):
     size : int
     """
 
-    def __init__(self, item: str, name: str, given: Any, size: int) -> None:
+    def __init__(self, item: str, name: str, given: Any, size: int):
         self.item, self.name, self.size, self._given = item, name, size, given
         if isinstance(given, (tuple, list)) and len(given) == 2 and np.ndim(given[0]):
             values = shaped(item, name, given[1], (np.size(given[0]), size))

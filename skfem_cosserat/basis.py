@@ -98,7 +98,7 @@ class DirectorBasis(CellBasis):
         mesh: MeshCurve,
         order: int | Interpolation = 1,
         quadrature: tuple[Any, Any] | None = None,
-    ) -> None:
+    ):
         if not isinstance(mesh, MeshCurve):
             raise MeshError("argument mesh", f"got {type(mesh).__name__}, expected a MeshCurve")
         self.mesh = mesh

@@ -119,7 +119,7 @@ class Beam(LineItem):
         lumped: bool = False,
         theory: Theory | None = None,
         strain: Any = None,
-    ) -> None:
+    ):
         if not isinstance(mesh, MeshCurve):
             raise InputError(
                 self.label, f"mesh is {type(mesh).__name__}, expected MeshCurve (lines in space)"

@@ -110,7 +110,7 @@ def read_beamdyn(path: FilePath, order: int = 3) -> BladeBeamDyn:
 class _Lines:
     """A file line by line, with entries ``value name - what it is``."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path):
         self.path = path
         try:
             self.lines = path.read_text(errors="replace").splitlines()

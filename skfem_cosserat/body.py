@@ -23,7 +23,7 @@ class _Lump(StructuralItem):
         position: ArrayLike | None,
         velocity: ArrayLike | None,
         **others: ArrayLike | None,
-    ) -> None:
+    ):
         self.mass = positive(self.label, "mass", mass)
         if on is not None and not isinstance(on, Place):
             raise InputError(self.label, f"on is {no_place(on)}")
@@ -96,7 +96,7 @@ class MassPoint(_Lump):
         position: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
         on: Place | None = None,
-    ) -> None:
+    ):
         super().__init__(mass, on, position, velocity)
 
     def vertices(self) -> Vertices | None:
@@ -183,7 +183,7 @@ class RigidBody(_Lump):
         angular_velocity: ArrayLike | None = None,
         surface: tuple[ArrayLike, ArrayLike] | None = None,
         on: Place | None = None,
-    ) -> None:
+    ):
         super().__init__(
             mass, on, position, velocity, triad=triad, angular_velocity=angular_velocity
         )

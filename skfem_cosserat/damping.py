@@ -62,7 +62,7 @@ class RayleighDamping(Item):
         mass: float = 0.0,
         stiffness: float = 0.0,
         items: Item | Iterable[Item] | None = None,
-    ) -> None:
+    ):
         self.mass = not_negative(self.label, "mass", mass)
         self.stiffness = not_negative(self.label, "stiffness", stiffness)
         if self.mass == self.stiffness == 0:

@@ -59,7 +59,7 @@ class InputError(CosseratError, ValueError):
     mass point: mass = -1.0, expected a positive finite number
     """
 
-    def __init__(self, item: str, message: str) -> None:
+    def __init__(self, item: str, message: str):
         self.item = item
         super().__init__(f"{item}: {message}")
 
@@ -135,7 +135,7 @@ class StorageError(CosseratError, OSError):
         reason: OSError,
         advice: str,
         time: float | None = None,
-    ) -> None:
+    ):
         self.path = os.fspath(path)
         self.time = time
         self.history: Any = None
@@ -258,7 +258,7 @@ class Diverged(CosseratError, RuntimeError):
         at: str | None = None,
         settings: Any = None,
         effort: str = "",
-    ) -> None:
+    ):
         self.time = time
         self.step = step
         self.residual = residual
@@ -305,7 +305,7 @@ class JobError(CosseratError, RuntimeError):
     JobError job 'lock': its value, of type lock, cannot travel between processes: TypeError: ...
     """
 
-    def __init__(self, job: str, reason: str) -> None:
+    def __init__(self, job: str, reason: str):
         self.job = job
         self.reason = reason
         super().__init__(f"job {job!r}: {reason}")

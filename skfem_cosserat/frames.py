@@ -488,7 +488,7 @@ class MotionTurn(Motion):
         axis: ArrayLike,
         angle: Callable[[float], float],
         centre: ArrayLike = (0.0, 0.0, 0.0),
-    ) -> None:
+    ):
         super().__init__()
         item = "turning motion"
         if not callable(angle):
@@ -545,7 +545,7 @@ class MotionShake(Motion):
     accelerations: Floats
     _path: BSpline
 
-    def __init__(self, times: ArrayLike, accelerations: ArrayLike, baseline: bool = False) -> None:
+    def __init__(self, times: ArrayLike, accelerations: ArrayLike, baseline: bool = False):
         super().__init__()
         item = "shaking motion"
         t = numbers(item, "times", times)

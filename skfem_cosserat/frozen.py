@@ -216,7 +216,7 @@ class Replacements:
     (True, True)
     """
 
-    def __init__(self, replaced: Mapping[Any, Any]) -> None:
+    def __init__(self, replaced: Mapping[Any, Any]):
         # kept with the copies, or a number of identity might be taken again
         self._made = {id(old): (old, new) for old, new in replaced.items()}
 

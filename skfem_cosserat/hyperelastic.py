@@ -104,7 +104,7 @@ class SectionHyperelastic(Section):
         gradient: StrainFunction | None = None,
         hessian: StrainFunction | None = None,
         strains: ArrayLike | None = None,
-    ) -> None:
+    ):
         law = stored_law(energy, gradient, hessian, strains)
         super().__init__(law.stiffness, mass, inertia, outline, viscosity, centre)
         self._law = law

@@ -114,7 +114,7 @@ class Joint(Item):
     #: which sides must have a triad
     framed_sides: tuple[str, ...] = ("a", "b")
 
-    def __init__(self, a: Place, b: Place) -> None:
+    def __init__(self, a: Place, b: Place):
         check_sides(self.label, a, b, self.framed_sides, "a spherical or a distance joint")
         self.a = a
         self.b = b
@@ -248,7 +248,7 @@ class Joint(Item):
 class AxialJoint(Joint):
     """Joint with one axis n, fixed in side a and a unit vector in space in the reference."""
 
-    def __init__(self, a: Place, b: Place, axis: ArrayLike) -> None:
+    def __init__(self, a: Place, b: Place, axis: ArrayLike):
         super().__init__(a, b)
         self.axis = unit_vector(self.label, "axis", axis)
 
@@ -358,7 +358,7 @@ class JointPlanar(Joint):
 
     type = "planar"
 
-    def __init__(self, a: Place, b: Place, normal: ArrayLike, x: ArrayLike | None = None) -> None:
+    def __init__(self, a: Place, b: Place, normal: ArrayLike, x: ArrayLike | None = None):
         super().__init__(a, b)
         self.normal = unit_vector(self.label, "normal", normal)
         #: whether x was given: else it is any direction in the plane, which must not show
@@ -459,7 +459,7 @@ class JointDistance(Joint):
     type = "distance"
     framed_sides = ()
 
-    def __init__(self, a: Place, b: Place, length: float | None = None) -> None:
+    def __init__(self, a: Place, b: Place, length: float | None = None):
         super().__init__(a, b)
         span = float(np.linalg.norm(b.position - a.position))
         self.length = positive(self.label, "length", span if length is None else length)
@@ -574,7 +574,7 @@ class JointUniversal(Joint):
 
     type = "universal"
 
-    def __init__(self, a: Place, b: Place, axis_a: ArrayLike, axis_b: ArrayLike) -> None:
+    def __init__(self, a: Place, b: Place, axis_a: ArrayLike, axis_b: ArrayLike):
         super().__init__(a, b)
         self.axis_a = unit_vector(self.label, "axis_a", axis_a)
         self.axis_b = unit_vector(self.label, "axis_b", axis_b)
@@ -642,7 +642,7 @@ class JointLocked(JointFixed):
 
     type = "locked"
 
-    def __init__(self, joint: Joint, a: Place, b: Place) -> None:
+    def __init__(self, joint: Joint, a: Place, b: Place):
         self.name = joint.name
         super().__init__(a, b)
         self.joint = joint
@@ -724,7 +724,7 @@ class JointDrive(Item):
         joint: Joint,
         motion: Callable[[float], float],
         coordinate: str | None = None,
-    ) -> None:
+    ):
         if not isinstance(joint, Joint):
             raise InputError(self.label, f"joint is {joint!r}, expected a joint")
         if not callable(motion):

@@ -52,7 +52,7 @@ class Law(Frozen, ABC):
     #: numbers of strains that are held (:class:`skfem_cosserat.Theory`): it knows nothing of them
     held: tuple[int, ...] = ()
 
-    def __init__(self, stiffness: Floats, size: float = 1.0) -> None:
+    def __init__(self, stiffness: Floats, size: float = 1.0):
         self.stiffness = stiffness
         #: strains (6,) that have the energy of an axial strain of one: what steps are relative to
         axial = min(2, len(stiffness) - 1)
@@ -214,7 +214,7 @@ class LawStored(Law):
         complex_step: bool = True,
         noise: float = 0.0,
         size: float = 1.0,
-    ) -> None:
+    ):
         super().__init__(stiffness, size)
         self.functions = energy, gradient, hessian
         self.complex_step = complex_step
@@ -340,7 +340,7 @@ class CompiledFunction:
     shape : tuple of int
     """
 
-    def __init__(self, function: Any, shape: tuple[int, ...]) -> None:
+    def __init__(self, function: Any, shape: tuple[int, ...]):
         self.function = function
         self.shape = shape
 

@@ -119,7 +119,7 @@ class SolverDense(Solver):
 class _Dense(Factors):
     name = SolverDense.name
 
-    def __init__(self, pattern: FrozenPattern) -> None:
+    def __init__(self, pattern: FrozenPattern):
         self._n = pattern.shape[0]
         cols = np.arange(self._n).repeat(np.diff(pattern.indptr))
         self._where = pattern.indices.astype(np.int64) + self._n * cols
@@ -155,7 +155,7 @@ class Band:
         Bandwidths.
     """
 
-    def __init__(self, pattern: FrozenPattern) -> None:
+    def __init__(self, pattern: FrozenPattern):
         n = pattern.shape[0]
         self.order: IndexArray = reverse_cuthill_mckee(mirrored(pattern), symmetric_mode=True)
         self.position: IndexArray = np.empty(n, dtype=np.int64)
@@ -190,7 +190,7 @@ class SolverBanded(Solver):
 class _Banded(Factors):
     name = SolverBanded.name
 
-    def __init__(self, pattern: FrozenPattern, band: Band) -> None:
+    def __init__(self, pattern: FrozenPattern, band: Band):
         self._n = pattern.shape[0]
         self._band = band
         rows = pattern.indices
@@ -260,7 +260,7 @@ class SolverSuperLU(Solver):
 
     name = "superlu"
 
-    def __init__(self, symmetric: bool | None = None) -> None:
+    def __init__(self, symmetric: bool | None = None):
         self.symmetric = None if symmetric is None else switch("argument symmetric", symmetric)
 
     def __repr__(self) -> str:
@@ -273,7 +273,7 @@ class SolverSuperLU(Solver):
 
 
 class _SuperLU(Factors):
-    def __init__(self, pattern: FrozenPattern, symmetric: bool) -> None:
+    def __init__(self, pattern: FrozenPattern, symmetric: bool):
         self._pattern = pattern
         self.pivoting = not symmetric
         self.name = "superlu-symmetric" if symmetric else "superlu"
@@ -323,7 +323,7 @@ class _Pardiso(Factors):
     name = SolverPardiso.name
     pivoting = False
 
-    def __init__(self, pattern: FrozenPattern, library: Any) -> None:
+    def __init__(self, pattern: FrozenPattern, library: Any):
         self._pattern = pattern
         self._library = library
         weakref.finalize(self, library.free_memory, everything=True).atexit = False
@@ -369,7 +369,7 @@ class Factorised:
         Solution for a right-hand side.
     """
 
-    def __init__(self, A: csr_matrix) -> None:
+    def __init__(self, A: csr_matrix):
         options = {"SymmetricMode": True}
         lu = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
         pivots = lu.U.diagonal()
@@ -455,9 +455,7 @@ class LinearSolver:
     ([1.0, 0.0], 'dense')
     """
 
-    def __init__(
-        self, pattern: FrozenPattern, solver: Solver | None = None, n: int | None = None
-    ) -> None:
+    def __init__(self, pattern: FrozenPattern, solver: Solver | None = None, n: int | None = None):
         self.pattern = pattern
         self.n = pattern.shape[0] if n is None else n
         self._helping = pattern.shape[0] - self.n

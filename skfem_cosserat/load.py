@@ -140,7 +140,7 @@ class TermForce(Term):
         value: ArrayLike,
         amplitude: Amplitude = None,
         follower: bool = False,
-    ) -> None:
+    ):
         self._set(value, amplitude, follower)
         self.place = _checked_place(self.kind, place, self.axial or self.follower)
 
@@ -239,7 +239,7 @@ class TermLine(Term):
         amplitude: Amplitude = None,
         follower: bool = False,
         elements: IndexArray | None = None,
-    ) -> None:
+    ):
         check_beam(self.kind, beam)
         self.beam, every = beam, beam.part(None)
         self.elements = every if elements is None else np.asarray(elements)
@@ -355,7 +355,7 @@ class TermStrain(TermLine):
         amplitude: Amplitude = None,
         elements: IndexArray | None = None,
         axial: bool = False,
-    ) -> None:
+    ):
         super().__init__(beam, value, amplitude, True, elements)
         self.axial = axial
         if self.strains()[..., list(beam.theory.held)].any():
@@ -411,7 +411,7 @@ class TermAcceleration(Term):
     [0.0, 0.0, -9.81]
     """
 
-    def __init__(self, value: ArrayLike, amplitude: Amplitude = None) -> None:
+    def __init__(self, value: ArrayLike, amplitude: Amplitude = None):
         self._set(value, amplitude)
 
     def acceleration(self) -> Floats:
@@ -483,9 +483,7 @@ class Load(Item):
     channels: tuple[tuple[Floats, TimeFunction], ...] = ()
     time: TimeFunction = Constant(1.0)
 
-    def __init__(
-        self, value: Any = (), amplitude: Amplitude = None, follower: bool = False
-    ) -> None:
+    def __init__(self, value: Any = (), amplitude: Amplitude = None, follower: bool = False):
         self.follower = switch(self.label, follower, "follower")
         if callable(value):
             if amplitude is not None:
@@ -564,7 +562,7 @@ class _NodalLoad(Load):
 
     def __init__(
         self, place: Place, value: Any, amplitude: Amplitude = None, follower: bool = False
-    ) -> None:
+    ):
         super().__init__(value, amplitude, follower)
         self.place = _checked_place(self.label, place, follower or self._term.axial)
 
@@ -654,7 +652,7 @@ class LoadMoment(_NodalLoad):
 class _ShareOfLine(TermMoment):
     """Moment (N m) at a node of an element, its share of what is spread over the element."""
 
-    def __init__(self, share: tuple[int, int], *given: Any) -> None:
+    def __init__(self, share: tuple[int, int], *given: Any):
         super().__init__(*given)
         self.share = share
 
@@ -719,7 +717,7 @@ class LoadLine(Load):
         follower: bool = False,
         part: str | None = None,
         moment: Any = None,
-    ) -> None:
+    ):
         super().__init__((), amplitude, follower)
         check_beam(self.label, beam)
         self.beam = beam
@@ -803,7 +801,7 @@ class LoadStrain(LoadLine):
 
     def __init__(
         self, beam: Beam, value: Any, amplitude: Amplitude = None, part: str | None = None
-    ) -> None:
+    ):
         super().__init__(beam, value, amplitude, True, part)
 
     def terms(self) -> Sequence[Term]:
@@ -841,7 +839,7 @@ class LoadGravity(Load):
     58.86
     """
 
-    def __init__(self, value: Any, amplitude: Amplitude = None) -> None:
+    def __init__(self, value: Any, amplitude: Amplitude = None):
         if isinstance(value, (int, float, np.number)):
             raise InputError(
                 "gravity",

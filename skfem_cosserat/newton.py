@@ -349,7 +349,7 @@ def left_over(length: float, rate: float, increment: float) -> float:
 class _Stages:
     """Stages of the loop for a problem in Python, whose factors are not kept; what happened."""
 
-    def __init__(self, problem: NewtonProblem, rotation: float, damped: bool) -> None:
+    def __init__(self, problem: NewtonProblem, rotation: float, damped: bool):
         self.problem, self.rotation, self.damped = problem, rotation, damped
         self.report = NewtonReport(False, 0, np.inf, "", [], [])
         self.increment = np.zeros(0)

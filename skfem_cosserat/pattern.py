@@ -50,7 +50,7 @@ class FrozenPattern:
     [[1.0, 0.0], [0.0, 5.0]]
     """
 
-    def __init__(self, rows: ArrayLike, cols: ArrayLike, shape: tuple[int, int]) -> None:
+    def __init__(self, rows: ArrayLike, cols: ArrayLike, shape: tuple[int, int]):
         i = _indices("rows", rows, shape[0])
         j = _indices("cols", cols, shape[1])
         if np.shape(rows) != np.shape(cols):

@@ -234,7 +234,7 @@ class Scene:
         Range of the colours; up to 0 if nothing is coloured.
     """
 
-    def __init__(self, history: History, rows: Sequence[Row], look: Look) -> None:
+    def __init__(self, history: History, rows: Sequence[Row], look: Look):
         self.history, self.rows, self.look = history, rows, look
         self.shapes = beam_shapes(history.meta, history.static)
         self.bodies = list(body_shapes(history.meta, history.static))
@@ -401,7 +401,7 @@ class Stage:
         Range of the colours.
     """
 
-    def __init__(self, look: Look, path: FilePath | None, limits: tuple[float, float]) -> None:
+    def __init__(self, look: Look, path: FilePath | None, limits: tuple[float, float]):
         off_screen = _off_screen(path)
         # drawn at twice the size: smooth edges in less time than OpenGL in software takes for them
         self.finer = 2 if off_screen else 1

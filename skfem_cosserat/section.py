@@ -193,7 +193,7 @@ class Section(Frozen):
         outline: ArrayLike | None = None,
         viscosity: ArrayLike | None = None,
         centre: ArrayLike = (0.0, 0.0),
-    ) -> None:
+    ):
         item = "section"
         D = check_stiffness(item, stiffness)
         all_positive(item, mass=mass)

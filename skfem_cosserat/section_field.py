@@ -81,7 +81,7 @@ class SectionAlong(SectionField):
     0.01
     """
 
-    def __init__(self, function: Callable[[float], Section], share: bool = False) -> None:
+    def __init__(self, function: Callable[[float], Section], share: bool = False):
         if not callable(function):
             raise InputError("section", f"function = {function!r}, expected a callable")
         self.function, self.share = function, switch("section", share, "share")
@@ -117,7 +117,7 @@ class SectionTaper(SectionField):
     0.15
     """
 
-    def __init__(self, first: Section, last: Section) -> None:
+    def __init__(self, first: Section, last: Section):
         item = "section taper"
         if type(first) is not type(last) or not getattr(first, "dimensions", ()):
             raise InputError(
@@ -191,7 +191,7 @@ class SectionTable(SectionField):
         viscosity: ArrayLike | None = None,
         outline: ArrayLike | None = None,
         interpolation: Literal["linear", "pchip"] = "linear",
-    ) -> None:
+    ):
         item = "section table"
         if interpolation not in ("linear", "pchip"):
             text = f"interpolation = {interpolation!r}, expected 'linear' or 'pchip'"
@@ -251,7 +251,7 @@ class SectionSampled(SectionField):
     sections : (ne, k) array of Section
     """
 
-    def __init__(self, xi: Floats, sections: Array) -> None:
+    def __init__(self, xi: Floats, sections: Array):
         self.xi = xi
         self.sections = sections
 

@@ -66,7 +66,7 @@ class _Ramp(Frozen, ABC):
 
     def __init__(
         self, begin: float, end: float, *values: float, first: float = 0.0, last: float = 1.0
-    ) -> None:
+    ):
         if len(values) == 2 and (first, last) == (0.0, 1.0):
             first, last = values
         elif values:
@@ -200,7 +200,7 @@ class Harmonic(Frozen):
     (2.0, 1.273239545)
     """
 
-    def __init__(self, amplitude: float, frequency: float, phase: float = 0.0) -> None:
+    def __init__(self, amplitude: float, frequency: float, phase: float = 0.0):
         _finite("harmonic function", amplitude=amplitude, frequency=frequency, phase=phase)
         self.amplitude, self.frequency, self.phase = map(float, (amplitude, frequency, phase))
 
@@ -224,7 +224,7 @@ class Constant(Frozen):
 
     constant_after = -np.inf
 
-    def __init__(self, number: float) -> None:
+    def __init__(self, number: float):
         self.number = float(number)
 
     def _brief(self) -> str:
@@ -259,7 +259,7 @@ class Table(Frozen):
     (5000.0, 5000.0)
     """
 
-    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
+    def __init__(self, times: ArrayLike, values: ArrayLike):
         self.times = numbers("table of time", "times", times)
         self.values = numbers("table of time", "values", values)
         if self.times.ndim != 1 or self.times.shape != self.values.shape or len(self.times) == 0:
@@ -333,7 +333,7 @@ class FunctionOfTime(Frozen):
     True
     """
 
-    def __init__(self, function: Callable[[float], float], kinks: Sequence[float] = ()) -> None:
+    def __init__(self, function: Callable[[float], float], kinks: Sequence[float] = ()):
         if not callable(function):
             raise InputError("function of time", f"{function!r} is not callable")
         self.function = function

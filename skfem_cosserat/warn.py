@@ -96,7 +96,7 @@ class Notices:
         clock: str = CLOCK_OF_RUNS,
         quiet: bool = False,
         alone: bool = False,
-    ) -> None:
+    ):
         self.found = [dict(notice) for notice in known]
         self.clock, self.quiet, self.alone = clock, quiet, alone
         #: whether what is to come is an error, whose text says what was found

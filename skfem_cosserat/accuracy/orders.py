@@ -239,7 +239,7 @@ class _Trend:
         values: list[Array],
         norm: Norm,
         scale: float,
-    ) -> None:
+    ):
         self.between, self.h, self.scale, g = exact is None, h, scale, np.zeros(len(h))
         if exact is None:
             self.vectors, self.h, g = [b - a for a, b in pairwise(values)], h[:-1], h[1:]

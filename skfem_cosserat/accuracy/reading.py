@@ -96,7 +96,7 @@ class AtInstants(MaximumOverTime):
     [0.5]
     """
 
-    def __init__(self, times: Sequence[float]) -> None:
+    def __init__(self, times: Sequence[float]):
         self.times = np.atleast_1d(numbers("AtInstants", "times", times))
         steps = np.diff(self.times, prepend=-np.inf, append=np.inf)  # NaN beside infinite times
         if not self.times.size or not (steps > 0).all():
@@ -237,7 +237,7 @@ class Quantities:
     8.0
     """
 
-    def __init__(self, given: Any, over: OverTime | None = None) -> None:
+    def __init__(self, given: Any, over: OverTime | None = None):
         if over is not None:
             check_kind("argument norm", over, OverTime, ", such as MaximumOverTime()")
         self.over = over
@@ -385,7 +385,7 @@ class Reference:
     #: of errors, if the second run has steps (or elements) twice as long
     order: float | None = None
 
-    def __init__(self, runs: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, runs: Mapping[str, Any] | None = None):
         self.runs = runs or {}
         #: true values and their errors by quantity; None stands for the only one
         self.known: dict[str | None, Any] = {}
@@ -506,7 +506,7 @@ class ReferenceRun(Reference):
     order 2.00 +- 0.01 (three finest of four levels)
     """
 
-    def __init__(self, **arguments: Any) -> None:
+    def __init__(self, **arguments: Any):
         if not arguments:
             raise InputError("ReferenceRun", "got no arguments, expected some: elements=1000")
         super().__init__({FINE: arguments})
@@ -544,7 +544,7 @@ class ReferencePair(Reference):
 
     def __init__(
         self, fine: Callable[..., Any], coarse: Callable[..., Any], order: float | None = None
-    ) -> None:
+    ):
         for name, run in (("fine", fine), ("coarse", coarse)):
             if not callable(run):
                 raise InputError("ReferencePair", f"{name} = {run!r}, expected a function")
@@ -576,7 +576,7 @@ class ReferenceKnown(Reference):
 
     about = "given"
 
-    def __init__(self, values: Any, errors: float | Mapping[str, float]) -> None:
+    def __init__(self, values: Any, errors: float | Mapping[str, float]):
         super().__init__()
         given = values if isinstance(values, Mapping) else {None: values}
         self.known = {k: v if callable(v) else _finite(v, k) for k, v in given.items()}

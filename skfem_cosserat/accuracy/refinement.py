@@ -681,7 +681,7 @@ class _Plan:
         reference: Reference,
         rounding: float,
         probe: bool,
-    ) -> None:
+    ):
         self.series, self.wanted, self.reference = series, wanted, reference
         self.rounding = rounding
         self.levels = {name: each.levels[name] for each in series for name in each.levels}

@@ -76,9 +76,7 @@ class Job:
     <Job 'two': hypot>
     """
 
-    def __init__(
-        self, name: str, function: Callable[..., Any], /, *args: Any, **kwargs: Any
-    ) -> None:
+    def __init__(self, name: str, function: Callable[..., Any], /, *args: Any, **kwargs: Any):
         if not isinstance(name, str) or not name:
             raise InputError("job", f"name = {name!r}, expected a non-empty string")
         if not callable(function):
@@ -323,7 +321,7 @@ class TimeLimit:
     not done within 0.01 s
     """
 
-    def __init__(self, seconds: float | None) -> None:
+    def __init__(self, seconds: float | None):
         self.seconds = seconds
         here = threading.current_thread() is threading.main_thread()
         self._alarm = seconds is not None and here and "SIGALRM" in signal.Signals.__members__
@@ -505,7 +503,7 @@ class Processes(FuturesExecutor):
     [True, False]
     """
 
-    def __init__(self, workers: int | None = None, threads: int | None = 1) -> None:
+    def __init__(self, workers: int | None = None, threads: int | None = 1):
         workers = (os.cpu_count() or 1) if workers is None else workers
         self.workers = whole("argument workers", workers, 1)
         self.threads = None if threads is None else whole("argument threads", threads, 1)

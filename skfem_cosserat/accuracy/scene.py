@@ -45,7 +45,7 @@ from .reading import Reading
 class NotHere(InputError):
     """A function of the user's fails in a run: on a finer mesh it may not."""
 
-    def __init__(self, item: str, message: str) -> None:
+    def __init__(self, item: str, message: str):
         super().__init__(item, message)
         self.message = message
 
@@ -69,7 +69,7 @@ class _Sampled(Quantity):
 
     sensor: Sensor
 
-    def __init__(self, sensor: Sensor) -> None:
+    def __init__(self, sensor: Sensor):
         self.sensor = sensor
 
     def values(self, name: str, run: Run) -> Reading:
@@ -94,7 +94,7 @@ class Component(_Sampled):
     2
     """
 
-    def __init__(self, sensor: Sensor, component: int) -> None:
+    def __init__(self, sensor: Sensor, component: int):
         super().__init__(sensor)
         self.component = whole("Component", component, 0, "component")
 
@@ -129,7 +129,7 @@ class Maximum(_Sampled):
     0.45
     """
 
-    def __init__(self, sensor: Sensor, component: int | None = None) -> None:
+    def __init__(self, sensor: Sensor, component: int | None = None):
         super().__init__(sensor)
         known = component is not None
         self.component = whole("Maximum", component, 0, "component") if known else None
@@ -162,7 +162,7 @@ def _column(name: str, whole: Reading, component: int | None) -> Floats:
 class _TimeOf(Quantity):
     """Time (s) at which an event happens first; NaN if it does not."""
 
-    def __init__(self, event: Event) -> None:
+    def __init__(self, event: Event):
         self.event = event
 
     def values(self, name: str, run: Run) -> Reading:
@@ -173,7 +173,7 @@ class _TimeOf(Quantity):
 class _Function(Quantity):
     """A series of the history, or what a function makes of it."""
 
-    def __init__(self, function: Callable[..., Any] | str) -> None:
+    def __init__(self, function: Callable[..., Any] | str):
         self.function = function
 
     def values(self, name: str, run: Run) -> Reading:
@@ -305,7 +305,7 @@ class Asked:
         tolerance is missing or not positive.
     """
 
-    def __init__(self, quantities: Any, tolerance: Any) -> None:
+    def __init__(self, quantities: Any, tolerance: Any):
         item = "argument quantities"
         if not isinstance(quantities, Mapping) or not quantities:
             raise InputError(item, f"{quantities!r}, expected a dict of names and quantities")
@@ -481,7 +481,7 @@ class Scene:
         until: float | None,
         start: State | Callable[[System], State] | None,
         integrator: Integrator | Control | None,
-    ) -> None:
+    ):
         self.model, self.asked, self.start = model, asked, start
         self.system = model.freeze()
         self.moves = until is not None

@@ -187,7 +187,7 @@ class JudgeEnergy:
         scale: float | None = None,
         drift: float = 0.01,
         blowup: float = 10.0,
-    ) -> None:
+    ):
         item = "JudgeEnergy"
         if energy is not None and not callable(energy):
             raise InputError(item, f"energy = {energy!r}, expected a function of a History")

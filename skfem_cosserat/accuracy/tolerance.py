@@ -258,7 +258,7 @@ class _Ended(Exception):
 
 
 class _Search:
-    def __init__(self, scene: Scene, budget: float, interrupt: Interrupt, show: Progress) -> None:
+    def __init__(self, scene: Scene, budget: float, interrupt: Interrupt, show: Progress):
         self.scene, self.budget, self.interrupt, self.show = scene, budget, interrupt, show
         self.tolerance = scene.asked.tolerance
         #: quantities that are judged

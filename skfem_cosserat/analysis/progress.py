@@ -26,7 +26,7 @@ class Interrupt:
         What is logged.
     """
 
-    def __init__(self, message: str = "the run ends after this step, its history is kept") -> None:
+    def __init__(self, message: str = "the run ends after this step, its history is kept"):
         self.asked = False
         self.message = message
         self._main = threading.current_thread() is threading.main_thread()
@@ -79,7 +79,7 @@ class Progress:
         If `progress` is something else.
     """
 
-    def __init__(self, progress: object, text: Callable[..., str]) -> None:
+    def __init__(self, progress: object, text: Callable[..., str]):
         if not callable(progress) and not isinstance(progress, bool):
             raise InputError(
                 "argument progress", f"{progress!r}, expected True, False or a function"

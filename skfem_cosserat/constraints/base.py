@@ -56,7 +56,7 @@ class RowSpace:
         If those rows depend on each other, in a configuration of lower rank.
     """
 
-    def __init__(self, system: System, y: Floats) -> None:
+    def __init__(self, system: System, y: Floats):
         self.m = system.m
         G = system.constraints.jacobian(y).tocsr()
         self._dropped = dependent_rows(system, y)
@@ -183,7 +183,7 @@ class BoundTreatment(ABC):
 
     _sized: bool = False
 
-    def __init__(self, system: System, weight: float) -> None:
+    def __init__(self, system: System, weight: float):
         self.system = system
         self.weight = weight
         self._passages = Passages(system)
@@ -362,7 +362,7 @@ class Congruence:
         Of the product, whatever vanishes in it.
     """
 
-    def __init__(self, full: FrozenPattern, by: FrozenPattern) -> None:
+    def __init__(self, full: FrozenPattern, by: FrozenPattern):
         self._full = full
         self._by = by
         Z = by.matrix(np.ones(len(by.slot)))

@@ -45,7 +45,7 @@ class Restriction:
         Of the matrix of the unknowns in the plane.
     """
 
-    def __init__(self, system: System, pattern: FrozenPattern) -> None:
+    def __init__(self, system: System, pattern: FrozenPattern):
         self.system = system
         #: coordinates (n, count) by those in the plane
         self.along, self.kept = coordinates_in_plane(system), rows_in_plane(system)
@@ -110,7 +110,7 @@ class Multipliers(Treatment):
     name = "multipliers"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equation (22)"
 
-    def __init__(self, scaled: bool = True, full: bool = False) -> None:
+    def __init__(self, scaled: bool = True, full: bool = False):
         self.scaled = switch("argument scaled", scaled)
         self.full = switch("argument full", full) or not self.scaled
 
@@ -130,7 +130,7 @@ class BoundMultipliers(BoundTreatment):
     Internally the unknown is the impulse ``h lambda``, scaled.
     """
 
-    def __init__(self, system: System, weight: float, scaled: bool, large: bool) -> None:
+    def __init__(self, system: System, weight: float, scaled: bool, large: bool):
         super().__init__(system, weight)
         n, m, g = system.n, system.m, system.constraints
         self.scaled = scaled

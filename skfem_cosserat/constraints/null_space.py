@@ -59,7 +59,7 @@ class JointByJoint:
         extra: tuple[IndexArray, IndexArray],
         rows: RowsByTwists,
         count: int,
-    ) -> None:
+    ):
         S = recursion.own
         twists, unknowns = S.shape
         alone = np.bincount(S.rows, minlength=twists) == 1
@@ -128,7 +128,7 @@ class LoopReduction(Congruence):
         How many of these.
     """
 
-    def __init__(self, full: FrozenPattern, closure: Closure, before: int, behind: int) -> None:
+    def __init__(self, full: FrozenPattern, closure: Closure, before: int, behind: int):
         rows, cols, self._ones = closure.null_pattern()
         free = len(cols) and int(cols.max()) + 1
         first = np.arange(before)
@@ -203,7 +203,7 @@ class BoundNullSpace(BoundTreatment):
 
     by_motion = True
 
-    def __init__(self, system: System, weight: float, large: bool = False) -> None:
+    def __init__(self, system: System, weight: float, large: bool = False):
         super().__init__(system, weight)
         kin = self.kin = system.kinematics
         self.closure = system.closure

@@ -36,7 +36,7 @@ class SaddlePoint:
     Regular although the mass matrix of beams is singular on d3.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System):
         self.system = system
         n, m, g = system.n, system.m, system.constraints
         mass = full_mass(system).tocoo()

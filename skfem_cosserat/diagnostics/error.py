@@ -361,7 +361,7 @@ class SectionPlaces:
         As for :func:`evaluate`.
     """
 
-    def __init__(self, beam: Beam, elements: ArrayLike, xi: ArrayLike) -> None:
+    def __init__(self, beam: Beam, elements: ArrayLike, xi: ArrayLike):
         self.beam = beam
         self._e, self._x = e, x = _places(beam, elements, xi)
         lengths = beam.elements.lengths[e][:, None]

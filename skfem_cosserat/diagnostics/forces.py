@@ -350,7 +350,7 @@ class Statics:
 
     def __init__(
         self, force: Array, nodal: Array, end: int, density: Array, at: Array, over: Floats
-    ) -> None:
+    ):
         n, self._m = (each[..., None, :] for each in _passed_on(force, nodal, end))
         self.n = n - over @ density[..., 0, :]
         self._over = over

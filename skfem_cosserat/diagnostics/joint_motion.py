@@ -20,7 +20,7 @@ class Reading:
         If there is no such coordinate.
     """
 
-    def __init__(self, system: System, joint: Joint, name: str | None) -> None:
+    def __init__(self, system: System, joint: Joint, name: str | None):
         self.coordinate = joint.coordinate(name)
         self.kind = kind_of((self.coordinate,))
         self._invariants = Invariants([self.coordinate.forms], system.row_of)

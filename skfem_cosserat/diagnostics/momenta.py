@@ -474,7 +474,7 @@ class Projection:
     [2.0, 0.0, 0.0]
     """
 
-    def __init__(self, system: Model | System, method: ProjectionMethod = "saddle-point") -> None:
+    def __init__(self, system: Model | System, method: ProjectionMethod = "saddle-point"):
         if not isinstance(method, str) or method not in _RULES:
             raise InputError("argument method", f"{method!r}, expected one of {list(_RULES)}")
         self.system = system_of(system)

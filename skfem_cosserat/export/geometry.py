@@ -122,7 +122,7 @@ class BeamShape:
         those of which these are copies.
     """
 
-    def __init__(self, name: str, static: Mapping[str, Array]) -> None:
+    def __init__(self, name: str, static: Mapping[str, Array]):
         self.name = name
         self._static = static
         self.offsets = self._get("offsets").astype(np.int64)
@@ -295,7 +295,7 @@ class Surface:
         Number of points.
     """
 
-    def __init__(self, shape: BeamShape, outlines: Mapping[int, Floats | Sequence[Floats]]) -> None:
+    def __init__(self, shape: BeamShape, outlines: Mapping[int, Floats | Sequence[Floats]]):
         self._shape, self.size, p = shape, 0, shape.order
         self.swept: list[tuple[IndexArray, Floats]] = []
         self.caps: list[IndexArray] = []

@@ -51,7 +51,7 @@ class Cells:
         blocks: Sequence[tuple[int, IndexArray]],
         at_points: Fields | None = None,
         at_cells: Fields | None = None,
-    ) -> None:
+    ):
         widths = [np.full(len(block), block.shape[1]) for _, block in blocks]
         kinds = [np.full(len(block), kind) for kind, block in blocks]
         self.count = sum(map(len, widths))
@@ -187,7 +187,7 @@ class BeamLayer(Layer):
 
     name = "beams"
 
-    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
+    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]):
         self._shapes = shapes = beam_shapes(meta, static)
         self.wanted = ["v", *_beam_series(shapes, "resultant", "nodal_resultant")]
         self.series = [*self.wanted, *_beam_series(shapes, "strain", "nodal_strain")]
@@ -245,7 +245,7 @@ class SurfaceLayer(Layer):
     name = "beam_surfaces"
     level = 1
 
-    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
+    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]):
         self._shapes = beam_shapes(meta, static)
         self._surfaces = [shape.surface() for shape in self._shapes]
         self.series = _beam_series(self._shapes, "nodal_resultant")
@@ -300,7 +300,7 @@ class BodyLayer(Layer):
 
     name = "bodies"
 
-    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
+    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]):
         self._shapes = list(body_shapes(meta, static))
         self.series = self.wanted = ["v"]
         sizes = [1 if shape.material is None else len(shape.material) for shape in self._shapes]
@@ -356,7 +356,7 @@ class ItemLayer(Layer):
         shape: tuple[int, ...],
         vectors: Sequence[str],
         scalars: Sequence[str] = (),
-    ) -> None:
+    ):
         self.name, self._places, self._shape = name, places, shape
         self._fields: dict[str, tuple[int, ...]] = {
             **dict.fromkeys(vectors, shape),
@@ -521,7 +521,7 @@ def _write_at(handle: BinaryIO, offset: int, data: bytes) -> None:
 class _Index:
     """A ``.pvd`` file that is complete after each frame: the closing tags are overwritten."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path):
         self.path = path
         self._end = 0
 
@@ -649,7 +649,7 @@ class ParaViewWriter:
         *,
         reference: ArrayLike | None = None,
         surfaces: bool = False,
-    ) -> None:
+    ):
         self.folder = Path(folder)
         self._reference = static.get("reference") if reference is None else np.asarray(reference)
         self._layers = _layers(meta, static, switch("argument surfaces", surfaces))

@@ -359,7 +359,7 @@ SAVED = (
 class _Available(Mapping[str, Array]):
     """Series of a history by name, derived when they are asked for; one state of them, copied."""
 
-    def __init__(self, history: History, row: int | None = None) -> None:
+    def __init__(self, history: History, row: int | None = None):
         self._history = history
         self._row = row
 
@@ -440,7 +440,7 @@ class History(Shown):
         sensors: Mapping[str, Any] | None = None,
         systems: Sequence[Any] | bytes = (),
         kind: Kind = dict,
-    ) -> None:
+    ):
         self.meta = plain(meta, "meta")
         self.static = {
             name: series_numbers(value, f"static array {name!r}") for name, value in static.items()

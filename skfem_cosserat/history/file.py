@@ -247,9 +247,7 @@ class FileWriter:
         If the file cannot be begun.
     """
 
-    def __init__(
-        self, path: FilePath, meta: Mapping[str, Any], static: Mapping[str, Array]
-    ) -> None:
+    def __init__(self, path: FilePath, meta: Mapping[str, Any], static: Mapping[str, Array]):
         self.path = file_path("argument path", path)
         new = not self.path.exists()
         self.path.open("wb").close()
@@ -400,7 +398,7 @@ class _Scan:
         If the file is no history, or damaged.
     """
 
-    def __init__(self, path: Path, recover: bool = False) -> None:
+    def __init__(self, path: Path, recover: bool = False):
         self.item, self._recover, self._problem = _item(path), recover, ""
         self._pieces: dict[int, _Piece] = {}
         with _opened(path, recover) as db:
@@ -548,7 +546,7 @@ class StoredArrays(UserDict[str, Any]):
         If an array is damaged, or the file is another one by then.
     """
 
-    def __init__(self, path: Path, recover: bool, blocks: Sequence[Mapping[str, _Piece]]) -> None:
+    def __init__(self, path: Path, recover: bool, blocks: Sequence[Mapping[str, _Piece]]):
         super().__init__()
         self._file = path.absolute(), recover
         for name in blocks[0] if blocks else ():

@@ -72,7 +72,7 @@ class HistoryWriter:
         static: Mapping[str, Any],
         path: FilePath | None = None,
         block: int = 50,
-    ) -> None:
+    ):
         if block < 1:
             raise InputError("argument block", f"got {block}, expected at least 1")
         self._meta = {**plain(meta, "meta"), "status": "running"}

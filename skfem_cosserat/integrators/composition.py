@@ -71,7 +71,7 @@ class Composition(Integrator):
     part: Integrator
     constraint_weight = 0.0  # its force is that of the continuous equations at the nodes
 
-    def __init__(self, part: Integrator, order: int = 4) -> None:
+    def __init__(self, part: Integrator, order: int = 4):
         if not isinstance(order, (int, np.integer)) or order not in _HALVES:
             raise InputError("argument order", f"{order!r}, expected one of {list(_HALVES)}")
         if not isinstance(part, Integrator):

@@ -61,7 +61,7 @@ class EnergyMomentum(Integrator):
         "Gonzalez, J. Nonlinear Sci. 6 (1996) 449; Betsch & Leyendecker, IJNME 67 (2006) 499"
     )
 
-    def __init__(self, stabilized: bool = False) -> None:
+    def __init__(self, stabilized: bool = False):
         self.stabilized = switch("argument stabilized", stabilized)
         if stabilized:
             self.name = "stabilized energy-momentum"
@@ -119,9 +119,7 @@ class Flow:
         ``M v_m``.
     """
 
-    def __init__(
-        self, parts: SeparateParts, dq: Array, p0: Array, y0: Array, h: float, chi: float
-    ) -> None:
+    def __init__(self, parts: SeparateParts, dq: Array, p0: Array, y0: Array, h: float, chi: float):
         self.parts, self.dq, self.y0, self.h, self.chi = parts, dq, y0, h, chi
         self.mdq = parts.system.mass @ dq
         b = chi * p0 + self.mdq / h
@@ -363,7 +361,7 @@ class EnergyDecaying(EnergyMomentum):
         rate: float | None = None,
         velocity: bool = True,
         stabilized: bool = False,
-    ) -> None:
+    ):
         if chi is not None and rate is not None:
             raise InputError("argument chi", f"{chi!r} and rate = {rate!r}, expected one of them")
         if rate is not None:

@@ -144,7 +144,7 @@ class Joints:
         The k nodes that they hold.
     """
 
-    def __init__(self, system: System, bodies: Bodies) -> None:
+    def __init__(self, system: System, bodies: Bodies):
         self._constraints = system.constraints
         first = system.internal
         ends = np.array([(jr.a.vertex, jr.b.vertex) for jr in system.joint_rows], dtype=np.int64)
@@ -229,7 +229,7 @@ class Nodes:
         Smallest principal moment, relative to the largest one; one for points.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System):
         framed = system.is_frame
         count = len(system.origin_rows)
         rows = np.full((count, 4), system.total)
@@ -378,7 +378,7 @@ class LimitWatch:
         about some axis.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System):
         check_lumped(LIMIT, system)
         self.system = system
         coupled = bool(system.couplings.count) or system.drag is not None
@@ -595,7 +595,7 @@ class Marching:
         Whether there have been more of them since the start.
     """
 
-    def __init__(self, scheme: Explicit, system: System, h: float, watch: LimitWatch) -> None:
+    def __init__(self, scheme: Explicit, system: System, h: float, watch: LimitWatch):
         self.system, self.h, self.method = system, h, f"explicit, limit {watch.smallest}"
         self._scheme, self._watch, self.nodes = scheme, watch, Nodes(system)
         self.shortened = False
@@ -840,7 +840,7 @@ class Explicit(Integrator):
     advice = "a step below the limit"
     conserves = "symplectic form, momentum maps; energy oscillates within a bound"
 
-    def __init__(self, rounds: int = 1, checked: bool = True) -> None:
+    def __init__(self, rounds: int = 1, checked: bool = True):
         self.rounds = whole("argument rounds", rounds, 1)
         self.checked = switch("argument checked", checked)
 

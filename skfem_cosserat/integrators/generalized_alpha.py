@@ -74,7 +74,7 @@ class GeneralizedAlpha(Integrator):
     advice = "a smaller rho_inf"
     conserves = "nothing exactly"
 
-    def __init__(self, rho_inf: float = 0.8, stabilized: bool = True) -> None:
+    def __init__(self, rho_inf: float = 0.8, stabilized: bool = True):
         expected = "a number in [0, 1)"
         self.rho_inf = real("argument rho_inf", "rho_inf", rho_inf, expected)
         if not 0 <= self.rho_inf < 1:

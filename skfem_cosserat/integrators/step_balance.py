@@ -157,7 +157,7 @@ class StepBalance:
         Step size (s).
     """
 
-    def __init__(self, system: System, integrator: Integrator, h: float) -> None:
+    def __init__(self, system: System, integrator: Integrator, h: float):
         scheme = integrator.scheme(h)
         if scheme is None:
             raise IncompatibleError(f"{integrator!r}", "it has neither a scheme nor a balance")

@@ -46,7 +46,7 @@ class StepProblem:
 
     def __init__(
         self, balance: StepBalance, treatment: BoundTreatment, step: StepData, mixed: float
-    ) -> None:
+    ):
         self.balance = balance
         self.system = balance.system
         self.treatment = treatment
@@ -220,7 +220,7 @@ class Stepper:
         steps: int | None = None,
         solver: Solver | None = None,
         announce: Callable[[str], object] | None = None,
-    ) -> None:
+    ):
         system = system_of(system)
         _check_methods(integrator, treatment)
         if steps is not None:

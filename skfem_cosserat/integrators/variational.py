@@ -61,7 +61,7 @@ class Variational(Integrator):
     conserves = "symplectic form, linear and angular momentum"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equations (22) and (25)"
 
-    def __init__(self, stabilized: bool = False) -> None:
+    def __init__(self, stabilized: bool = False):
         self.stabilized = switch("argument stabilized", stabilized)
         if stabilized:
             self.name = "stabilized variational"

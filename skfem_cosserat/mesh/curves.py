@@ -93,7 +93,7 @@ class CurveLine(Frozen):
     (2.0, [0.0, 0.5, 0.0])
     """
 
-    def __init__(self, start: VectorLike, end: VectorLike) -> None:
+    def __init__(self, start: VectorLike, end: VectorLike):
         self.start, self.end = vector(start, "line start"), vector(end, "line end")
         self.length = float(np.linalg.norm(self.end - self.start))
         if self.length == 0.0:
@@ -179,7 +179,7 @@ class CurveArc(_Winding):
         normal: VectorLike,
         radius: float,
         angle: float,
-    ) -> None:
+    ):
         self.direction = _unit(tangent, "arc tangent")
         self.start = vector(start, "arc start")
         self.normal = _normal_to(normal, self.direction, "arc normal")
@@ -231,7 +231,7 @@ class CurveHelix(_Winding):
         axis: VectorLike,
         pitch: float,
         turns: float,
-    ) -> None:
+    ):
         self.start = vector(start, "helix start")
         self.axis = _unit(axis, "helix axis")
         self.centre = vector(centre, "helix centre")
@@ -326,7 +326,7 @@ class CurveSpline(Frozen):
     (3.0, [2.0, 0.0, 0.0])
     """
 
-    def __init__(self, points: Any, closed: bool = False) -> None:
+    def __init__(self, points: Any, closed: bool = False):
         from scipy.interpolate import CubicSpline  # slow to import, seldom needed
 
         self.closed = switch("spline", closed, "closed")

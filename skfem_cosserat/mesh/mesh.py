@@ -65,7 +65,7 @@ class MappingCurve(SkfemMapping):
     [0.0, 0.0, 3.0]
     """
 
-    def __init__(self, mesh: MeshCurve) -> None:
+    def __init__(self, mesh: MeshCurve):
         self.mesh = mesh
 
     def _select(self, X: Array, tind: Array | None) -> tuple[Array, Array]:

@@ -440,7 +440,7 @@ class _Inverse:
     as well.
     """
 
-    def __init__(self, K: csr_matrix, M: csr_matrix, C: csr_matrix, shift: float) -> None:
+    def __init__(self, K: csr_matrix, M: csr_matrix, C: csr_matrix, shift: float):
         self.n, self.M, self.shift = K.shape[0], M, shift
         self._right = C + shift * M
         try:

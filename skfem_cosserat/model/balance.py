@@ -45,7 +45,7 @@ class Spin(Frozen):
     velocity: Floats
     point: Floats
 
-    def __init__(self, velocity: VectorLike, point: VectorLike = (0.0, 0.0, 0.0)) -> None:
+    def __init__(self, velocity: VectorLike, point: VectorLike = (0.0, 0.0, 0.0)):
         for name, value in (("velocity", velocity), ("point", point)):
             object.__setattr__(self, name, vector("spin", name, value))
 

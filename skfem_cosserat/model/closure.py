@@ -46,9 +46,7 @@ class RowsByTwists:
         Where the entries are: `row` among those given.
     """
 
-    def __init__(
-        self, kinematics: Kinematics, constraints: QuadraticConstraints, rows: IndexArray
-    ) -> None:
+    def __init__(self, kinematics: Kinematics, constraints: QuadraticConstraints, rows: IndexArray):
         self._constraints = constraints
         self._shape = (len(rows), kinematics.n_twist)
         number = np.full(constraints.size, -1)
@@ -187,7 +185,7 @@ class Closure:
         rows: IndexArray,
         length: float,
         strains: IndexArray,
-    ) -> None:
+    ):
         self.kin = kinematics
         self._length = length
         self.rows = np.concatenate([strains, rows])

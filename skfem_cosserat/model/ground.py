@@ -34,7 +34,7 @@ class Ground:
         Four for each frame.
     """
 
-    def __init__(self, places: Sequence[Place]) -> None:
+    def __init__(self, places: Sequence[Place]):
         moving = {id(place): place for place in places if place.motion is not None}
         self.moving = list(moving.values())
         self._number = {place: k for k, place in enumerate(self.moving, 1)}

@@ -275,7 +275,7 @@ class BeamGroup(Group):
         masses: Mapping[int, Floats],
         drags: Mapping[int, Floats],
         beta: Mapping[int, float],
-    ) -> None:
+    ):
         """`beams`: (beam, its first vertex, its first row of y).
 
         `masses`, `drags`, `beta`: by ``id(beam)`` scalar mass and drag, Rayleigh's damping.

@@ -67,7 +67,7 @@ class Kinematics:
         Rows of y, ground included.
     """
 
-    def __init__(self, tree: Tree, row: IndexArray, is_frame: IndexArray, total: int) -> None:
+    def __init__(self, tree: Tree, row: IndexArray, is_frame: IndexArray, total: int):
         nv = len(is_frame)
         self.tree, self.row, self.total = tree, row, total
         size = np.where(is_frame, 6, 3)
@@ -252,7 +252,7 @@ class TwistMap:
         Which coordinate moves which vertex.
     """
 
-    def __init__(self, kinematics: Kinematics, pairs: Pairs) -> None:
+    def __init__(self, kinematics: Kinematics, pairs: Pairs):
         kin = self.kin = kinematics
         self.shape = kin.n_twist, kin.unknowns
         place = np.full(len(kin.vertex), -1)  # among hinges, or slides
@@ -454,7 +454,7 @@ class Recursion:
         Edges whose children are equally far from the root.
     """
 
-    def __init__(self, kinematics: Kinematics) -> None:
+    def __init__(self, kinematics: Kinematics):
         kin = self.kin = kinematics
         tree = kin.tree
         nv = len(kin.twist_of)

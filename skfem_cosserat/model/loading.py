@@ -103,7 +103,7 @@ class Loading:
         origins: IndexArray,
         beam_groups: list[BeamGroup],
         frame_group: Group | None,
-    ) -> None:
+    ):
         self._rows = rows
         self._first, self._mass, self._origins = first, mass, origins
         self._beam_groups = beam_groups

@@ -460,7 +460,7 @@ NEAR = 1e-4
 class Passages:
     """Watches closed loops from step to step: singular positions met or passed, once for each."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System):
         self.system = system
         self._before: Sequence[Selected] | None = None
         self._inside: list[bool] = []

@@ -75,7 +75,7 @@ class Planar(Frozen):
     (2, 1)
     """
 
-    def __init__(self, normal: ArrayLike | None = None) -> None:
+    def __init__(self, normal: ArrayLike | None = None):
         self.normal = None if normal is None else unit_vector("planar scene", "normal", normal)
 
     def __repr__(self) -> str:

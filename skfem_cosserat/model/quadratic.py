@@ -47,7 +47,7 @@ class ConstraintBuilder:
         First rows of y of the frames whose directors are orthonormal: the first six rows each.
     """
 
-    def __init__(self, frames: IndexArray | None = None) -> None:
+    def __init__(self, frames: IndexArray | None = None):
         #: rows, both vectors and factor (k, 4) of the products that were there at first
         self.begun = np.zeros((0, 4))
         if frames is not None:
@@ -127,7 +127,7 @@ class QuadraticConstraints:
         Rows of y that are unknowns; the rest is ground.
     """
 
-    def __init__(self, builder: ConstraintBuilder, reference: Floats, free: int) -> None:
+    def __init__(self, builder: ConstraintBuilder, reference: Floats, free: int):
         m = builder.size
         n = 3 * free
         self.size = m

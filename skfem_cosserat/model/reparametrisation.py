@@ -36,7 +36,7 @@ class _Level:
 class _Drives:
     """Increments of coordinates that ground frames prescribe during a step."""
 
-    def __init__(self, kin: Kinematics, coordinates: Sequence[Coordinate]) -> None:
+    def __init__(self, kin: Kinematics, coordinates: Sequence[Coordinate]):
         self.where = np.array(
             [i for i, c in enumerate(coordinates) if c.drive is not None], dtype=np.int64
         )
@@ -61,7 +61,7 @@ class _Drives:
 class Reparametrisation:
     """F_d of one step, composed increment by increment; see the module."""
 
-    def __init__(self, kinematics: Kinematics) -> None:
+    def __init__(self, kinematics: Kinematics):
         self.kin = kinematics
         tree = kinematics.tree
         self._grounds = np.arange(len(kinematics.twist_of), len(kinematics.row))

@@ -198,7 +198,7 @@ class System(Pictured):
         placed: Placed | None = None,
         scene: dict[str, Item] | None = None,
         copies: Replacements | None = None,
-    ) -> None:
+    ):
         #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
         self.warnings: list[dict[str, Any]] = []
         self.scene = scene

@@ -170,7 +170,7 @@ class Spanning:
         Elements that are not in the tree.
     """
 
-    def __init__(self, tree: Tree, theories: Sequence[TheoryRows]) -> None:
+    def __init__(self, tree: Tree, theories: Sequence[TheoryRows]):
         self._ground = len(tree.is_frame)
         self.joining: list[HeldElement] = []
         self.closing: list[HeldElement] = []

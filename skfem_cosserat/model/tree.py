@@ -371,7 +371,7 @@ def _connect(
 class _RigidElements:
     """Rigid elements that the tree may go along, each once."""
 
-    def __init__(self, elements: Sequence[RigidElement]) -> None:
+    def __init__(self, elements: Sequence[RigidElement]):
         self.of: dict[int, list[RigidElement]] = {}  # by vertex
         for element in elements:
             for v in element.vertices:
@@ -398,7 +398,7 @@ class _RigidElements:
 class _Adding:
     """Adds the coordinates of vertices with a parent, one vertex after the other."""
 
-    def __init__(self, tree: Tree) -> None:
+    def __init__(self, tree: Tree):
         self.tree, self.v, self._before = tree, -1, 0
         self.axes = list(tree.axes)
 

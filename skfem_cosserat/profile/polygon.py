@@ -153,9 +153,7 @@ class Region(Frozen):
     (3, 2)
     """
 
-    def __init__(
-        self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()
-    ) -> None:
+    def __init__(self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()):
         self.outline = _corners("outline", outline)
         self.material = material
         self.holes = tuple(_corners(f"hole {k}", hole) for k, hole in enumerate(holes))
@@ -288,7 +286,7 @@ class ProfileComposite(Profile):
 
     item = "polygon"
 
-    def __init__(self, regions: Sequence[Region]) -> None:
+    def __init__(self, regions: Sequence[Region]):
         if len(regions) == 0:
             raise InputError(self.item, "no regions are given")
         for k, region in enumerate(regions):
@@ -325,7 +323,5 @@ class ProfilePolygon(ProfileComposite):
     0.0017
     """
 
-    def __init__(
-        self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()
-    ) -> None:
+    def __init__(self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()):
         super().__init__([Region(outline, material, holes)])

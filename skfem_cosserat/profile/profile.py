@@ -180,7 +180,7 @@ class Profile(Frozen):
 
     item = "profile"
 
-    def __init__(self, mesh: Mesh, material: AnyMaterial | Mapping[str, AnyMaterial]) -> None:
+    def __init__(self, mesh: Mesh, material: AnyMaterial | Mapping[str, AnyMaterial]):
         mesh = _checked_mesh(self.item, mesh)
         if isinstance(material, Mapping):
             index = _assigned(self.item, mesh, list(material))

@@ -60,7 +60,7 @@ class ProfileRectangles(Profile):
 
     item = "profile of rectangles"
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[Part]):
         if len(parts) == 0:
             raise InputError(self.item, "no rectangles are given")
         ends = shaped(self.item, "ends", [part[:2] for part in parts], (len(parts), 2, 2))
@@ -121,7 +121,7 @@ class ProfileRectangle(ProfileRectangles):
     array([0.8333, 0.8333])
     """
 
-    def __init__(self, a: float, b: float, material: AnyMaterial) -> None:
+    def __init__(self, a: float, b: float, material: AnyMaterial):
         self.item = "rectangle"
         all_positive(self.item, a=a, b=b)
         # two parts along the shorter edge, so that both axes are axes of symmetry of the mesh
@@ -167,7 +167,7 @@ class ProfileI(ProfileRectangles):
         flange: float | tuple[float, float],
         web: float,
         material: AnyMaterial,
-    ) -> None:
+    ):
         self.item = "I"
         (low, high), (t_low, t_high) = _pair("width", width), _pair("flange", flange)
         all_positive(self.item, height=height, web=web)
@@ -218,7 +218,7 @@ class ProfileChannel(ProfileRectangles):
 
     def __init__(
         self, height: float, width: float, flange: float, web: float, material: AnyMaterial
-    ) -> None:
+    ):
         self.item = "channel"
         all_positive(self.item, height=height, width=width, flange=flange, web=web)
         if 2 * flange >= height or web >= width:
@@ -263,7 +263,7 @@ class ProfileBox(ProfileRectangles):
         height: float,
         thickness: float | tuple[float, float],
         material: AnyMaterial,
-    ) -> None:
+    ):
         self.item = "box"
         all_positive(self.item, width=width, height=height)
         sides, ends = _pair("thickness", thickness)
@@ -313,7 +313,7 @@ class ProfileRings(Profile):
 
     def __init__(
         self, radii: Sequence[float], materials: Sequence[AnyMaterial], segments: int = 48
-    ) -> None:
+    ):
         r = shaped(self.item, "radii", radii, (max(len(materials), 1) + 1,))
         if r[0] < 0 or (np.diff(r) <= 0).any():
             raise InputError(self.item, f"radii = {r.tolist()}, expected 0 <= first < second ...")
@@ -416,7 +416,7 @@ class ProfileTube(ProfileRings):
     True
     """
 
-    def __init__(self, outer: float, inner: float, material: AnyMaterial) -> None:
+    def __init__(self, outer: float, inner: float, material: AnyMaterial):
         self.item = "tube"
         all_positive(self.item, outer=outer, inner=inner)
         if inner >= outer:
@@ -440,7 +440,7 @@ class ProfileCircle(ProfileRings):
     [0.8507, 0.8507]
     """
 
-    def __init__(self, radius: float, material: AnyMaterial) -> None:
+    def __init__(self, radius: float, material: AnyMaterial):
         self.item = "circle"
         all_positive(self.item, radius=radius)
         super().__init__((0.0, radius), (material,))

@@ -48,7 +48,7 @@ class MaterialAnisotropic(Frozen):
     (6, 6)
     """
 
-    def __init__(self, elasticity: ArrayLike, rho: float) -> None:
+    def __init__(self, elasticity: ArrayLike, rho: float):
         item = "material"
         name = "elasticity"
         C = self.elasticity = symmetric(item, name, shaped(item, name, elasticity, (6, 6)))
@@ -361,7 +361,7 @@ INSIDE = 1e-7
 class SectionOfProfile(Section):
     """Section that knows the stresses of its profile's skin."""
 
-    def __init__(self, constants: ProfileConstants, *given: Any, **more: Any) -> None:
+    def __init__(self, constants: ProfileConstants, *given: Any, **more: Any):
         super().__init__(*given, **more)
         self.holes = constants.holes
         self._stresses = constants.skin_stresses(self.skin)

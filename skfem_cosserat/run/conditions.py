@@ -83,7 +83,7 @@ class ConditionFunction(Condition):
         ``function(time, view) -> float``, continuous; see :class:`View`.
     """
 
-    def __init__(self, function: Callable[[float, View], float]) -> None:
+    def __init__(self, function: Callable[[float, View], float]):
         if not callable(function):
             raise InputError("condition", f"{function!r}, expected a Condition or a function")
         self.function = function
@@ -129,7 +129,7 @@ class ConditionTime(OfStates):
 
     monotonic = True
 
-    def __init__(self, time: float) -> None:
+    def __init__(self, time: float):
         self.time = finite("condition", "level", time)
 
     def values(self, states: Window) -> Floats:
@@ -160,7 +160,7 @@ class ConditionCoordinate(OfStates):
 
     def __init__(
         self, joint: Joint | str, level: float, coordinate: str | None = None, rate: bool = False
-    ) -> None:
+    ):
         self.joint, self.level = joint, finite("condition", "level", level)
         self.coordinate, self.rate = coordinate, switch("condition", rate, "rate")
 
@@ -193,7 +193,7 @@ class ConditionSensor(OfStates):
         Of a vector; default: its length.
     """
 
-    def __init__(self, sensor: Sensor, level: float, component: int | None = None) -> None:
+    def __init__(self, sensor: Sensor, level: float, component: int | None = None):
         if not isinstance(sensor, Sensor):
             raise InputError("condition", f"sensor = {sensor!r}, expected a sensor")
         self.sensor, self.level, self.component = (
@@ -241,7 +241,7 @@ class ConditionReaction(Condition):
         level: float,
         moment: bool = False,
         component: int | None = None,
-    ) -> None:
+    ):
         self.joint, self.level = joint, finite("condition", "level", level)
         self.moment = switch("condition", moment, "moment")
         if component is not None and component not in (0, 1, 2):
@@ -269,7 +269,7 @@ class ConditionEnergy(OfStates):
         The kinetic energy alone.
     """
 
-    def __init__(self, level: float, kinetic: bool = False) -> None:
+    def __init__(self, level: float, kinetic: bool = False):
         self.level, self.kinetic = (
             finite("condition", "level", level),
             switch("condition", kinetic, "kinetic"),
@@ -374,7 +374,7 @@ class _JointAction(Action):
     #: gives the scene with the joint changed, at a configuration and a time
     _changed: Callable[..., System]
 
-    def __init__(self, joint: Joint | str) -> None:
+    def __init__(self, joint: Joint | str):
         if not isinstance(joint, (Joint, str)):
             raise InputError("action", f"joint = {joint!r}, expected a joint or its name")
         self.joint = joint
@@ -440,7 +440,7 @@ class ActionLoad(Action):
         Of a load whose components are functions of time: a number, by which they are multiplied.
     """
 
-    def __init__(self, load: Load | str, amplitude: Amplitude) -> None:
+    def __init__(self, load: Load | str, amplitude: Amplitude):
         if not isinstance(load, (Load, str)):
             raise InputError("action", f"load = {load!r}, expected a load or its name")
         time_function("action", amplitude)
@@ -466,7 +466,7 @@ class ActionFunction(Action):
         on from, both as ``(system, state)``, or None: go on as before.
     """
 
-    def __init__(self, function: Callable[[float, View], object]) -> None:
+    def __init__(self, function: Callable[[float, View], object]):
         if not callable(function):
             raise InputError("action", f"{function!r}, expected an Action or a function")
         self.function = function

@@ -197,7 +197,7 @@ class Event(Attached):
         name: str = "event",
         once: bool = True,
         tolerance: float | None = None,
-    ) -> None:
+    ):
         if not isinstance(name, str) or not name:
             raise InputError("event", f"name = {name!r}, expected a non-empty string")
         self.name = name
@@ -312,7 +312,7 @@ class Found(NamedTuple):
 class _Trials:
     """Steps of other sizes in place of step k of a block, each of them solved once."""
 
-    def __init__(self, watch: EventMonitor, block: Block, k: int) -> None:
+    def __init__(self, watch: EventMonitor, block: Block, k: int):
         self.watch, self.state, self.step = watch, block.state_after(k - 1), block.part(k, k + 1)
         self.h = float(block.times[k]) - self.state.time
         self._known: dict[float, Block] = {}
@@ -332,7 +332,7 @@ class _Trials:
 class _Motions:
     """Velocities and energies by compiled kernels, where steps take some; made when asked for."""
 
-    def __init__(self, stepper: Stepper) -> None:
+    def __init__(self, stepper: Stepper):
         self._stepper = stepper
 
     def __reduce__(self) -> Any:
@@ -383,7 +383,7 @@ class EventMonitor:
 
     def __init__(
         self, events: list[Event], factory: StepperFactory, stepper: Stepper, state: State
-    ) -> None:
+    ):
         self.events = list(events)
         self.factory = factory
         self._times: dict[str, list[float]] = {event.name: [] for event in events}

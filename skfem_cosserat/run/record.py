@@ -189,7 +189,7 @@ class Record:
         sensors: Mapping[str, Sensor] | None,
         varying: bool,
         notices: Notices,
-    ) -> None:
+    ):
         self.system, self.stepper, self.notices = stepper.system, stepper, notices
         self.wanted = wanted
         #: size of the steps now (s)

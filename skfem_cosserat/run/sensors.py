@@ -65,7 +65,7 @@ class Window:
         turns: IndexArray | None = None,
         motions: Motions | None = None,
         force: Floats | None = None,
-    ) -> None:
+    ):
         self.system, self.t, self.turns, self.force = system, t, turns, force
         self.q, self.p = q.view(), p.view()
         for states in (self.q, self.p):  # an own sensor may try to write there
@@ -212,7 +212,7 @@ class View:
     9.0
     """
 
-    def __init__(self, system: Model | System, state: State) -> None:
+    def __init__(self, system: Model | System, state: State):
         system = system_of(system)
         check_kind("argument state", state, State, ", see initial_state")
         if np.shape(state.q) != (system.n,):
@@ -428,7 +428,7 @@ class SensorPosition(_AlongBeam):
         s: float | None = None,
         part: str | None = None,
         frame: Place | None = None,
-    ) -> None:
+    ):
         if is_beam(where):
             self._set_point(where, s, part)
         elif not isinstance(where, Place):
@@ -515,7 +515,7 @@ class SensorStrain(_AlongBeam):
 
     unit = "-, 1/m"
 
-    def __init__(self, beam: Beam, s: float, part: str | None = None) -> None:
+    def __init__(self, beam: Beam, s: float, part: str | None = None):
         if not is_beam(beam):
             raise InputError("sensor", f"beam = {beam!r}, expected a Beam")
         self._set_point(beam, s, part)
@@ -575,7 +575,7 @@ class SensorReaction(Sensor):
     unit = "N, N m"
     forces = True
 
-    def __init__(self, joint: Joint) -> None:
+    def __init__(self, joint: Joint):
         if not isinstance(joint, Joint):
             raise InputError("sensor", f"joint = {joint!r}, expected a joint")
         self.joint = joint
@@ -605,9 +605,7 @@ class SensorQuantity(Sensor):
         the run, later on during it (what the last states give wrong is a warning).
     """
 
-    def __init__(
-        self, function: Callable[[System, Floats, Floats], ArrayLike], unit: str = ""
-    ) -> None:
+    def __init__(self, function: Callable[[System, Floats, Floats], ArrayLike], unit: str = ""):
         if not callable(function):
             raise InputError("sensor", f"function = {function!r} is not callable")
         self.function = function
@@ -649,7 +647,7 @@ class SensorBank:
         If a name is empty or has a slash, something is no sensor, or its item is not in the system.
     """
 
-    def __init__(self, sensors: Mapping[str, Sensor], writer: HistoryWriter) -> None:
+    def __init__(self, sensors: Mapping[str, Sensor], writer: HistoryWriter):
         self.sensors = sensors
         self.writer = writer
         self._shapes: dict[str, Floats] = {}

@@ -220,7 +220,7 @@ class _Steered(Control):
         first: float,
         longest: float,
         turn: float | None,
-    ) -> None:
+    ):
         item = type(self).__name__
         if steps is not None:
             _whole(item, "steps", steps)
@@ -239,7 +239,7 @@ class _Steered(Control):
 class _SteeredStage(Stage):
     """Steps of a parameter: of what has this gradient (rows, 3), or of the load factor."""
 
-    def __init__(self, control: _Steered, start: float, gradient: Floats | None = None) -> None:
+    def __init__(self, control: _Steered, start: float, gradient: Floats | None = None):
         self._gradient = gradient
         self.parameter = start
         self.stops = self._ends(control, start)
@@ -314,7 +314,7 @@ class LoadControl(_Steered):
         first: float = 0.1,
         longest: float = 0.25,
         turn: float | None = 1.0,
-    ) -> None:
+    ):
         until = 1.0 if until is None and at is None else until
         super().__init__(until, steps, at, first, longest, turn)
 
@@ -362,7 +362,7 @@ class DisplacementControl(_Steered):
         first: float = 0.1,
         longest: float = 0.25,
         turn: float | None = 1.0,
-    ) -> None:
+    ):
         item = type(self).__name__
         if not isinstance(place, Place) or place.item is None:
             raise InputError(item, f"place = {place!r}, expected the place of an item")
@@ -403,7 +403,7 @@ class _ArcStage(Stage):
     Steps of a path without a direction are of the load factor until something moves.
     """
 
-    def __init__(self, system: System, control: ArcLength, direction: Floats | None) -> None:
+    def __init__(self, system: System, control: ArcLength, direction: Floats | None):
         self._system, self._control, self._secant = system, control, direction
         self.parameter, self.stops, self._count = 0.0, [], 0
         self._branches, self._crossed, self._regular = direction is not None, False, False
@@ -499,7 +499,7 @@ class ArcLength(Control):
         length: float = 0.01,
         longest: float = 0.2,
         turn: float | None = 0.5,
-    ) -> None:
+    ):
         item = "ArcLength"
         self.until = None if until is None else finite(item, "until", until)
         self.turn = _turned(item, turn)

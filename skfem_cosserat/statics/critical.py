@@ -242,7 +242,7 @@ class Critical:
 class _Between:
     """Points between two of a path, by their share s of the secant."""
 
-    def __init__(self, solver: PathSolver, first: Stability, last: Stability) -> None:
+    def __init__(self, solver: PathSolver, first: Stability, last: Stability):
         self.system = solver.system
         self.solver = solver
         self.first = first
@@ -409,6 +409,6 @@ def locate_all(solver: PathSolver, first: Stability, last: Stability) -> list[Cr
 class _LostError(Exception):
     """Newton's method did not find a point between two others, at the share s."""
 
-    def __init__(self, s: float) -> None:
+    def __init__(self, s: float):
         self.s = s
         super().__init__(f"no point at {s:.6g} of the step")

@@ -142,7 +142,7 @@ class PathRecorder:
 
     def __init__(
         self, solver: PathSolver, meta: dict[str, Any], path: FilePath | None, notices: Notices
-    ) -> None:
+    ):
         self.solver = solver
         system = solver.system
         described, static = describe(system)

@@ -93,7 +93,7 @@ class Schedule:
         factors: Mapping[str, Amplitude] | None = None,
         spin: Spin | None = None,
         time: float | None = None,
-    ) -> None:
+    ):
         check_kind("argument factors", {} if factors is None else factors, Mapping)
         if spin is not None:
             check_kind("argument spin", spin, Spin)
@@ -245,7 +245,7 @@ class Problem:
         settings: NewtonSettings,
         start: Point,
         target: Functional,
-    ) -> None:
+    ):
         self.equations = equations
         self.settings = settings
         self.start = start
@@ -354,7 +354,7 @@ class PlainEquations:
         Forces left out of the balance.
     """
 
-    def __init__(self, bound: BoundTreatment, schedule: Schedule) -> None:
+    def __init__(self, bound: BoundTreatment, schedule: Schedule):
         self.bound, self.schedule, self.system = bound, schedule, bound.system
         self.neutral = Neutral()
         self.hold = 0.0
@@ -530,7 +530,7 @@ class CompiledEquations(CompiledScene):
         plan: Plan | None = None,
         solver: Solver | None = None,
         source: Source = Source.COMPILER,
-    ) -> None:
+    ):
         self.schedule = schedule
         self._plane = schedule.system.plane
         own = kernel_coordinates(schedule.system, treatment), REST, 1.0, settings, plan, solver
@@ -763,7 +763,7 @@ class PathSolver:
         settings: NewtonSettings,
         choice: Choice | None = None,
         solver: Solver | None = None,
-    ) -> None:
+    ):
         self.system, self.schedule, self.settings = system, schedule, settings
         self.bound = treatment.bind(system, 1.0, large=True)  # forces act where the balance is
         asked = checked_solver(solver)
