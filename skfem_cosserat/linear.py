@@ -195,7 +195,8 @@ class _Banded(Factors):
         self._band = band
         rows = pattern.indices
         cols = np.arange(self._n).repeat(np.diff(pattern.indptr))
-        self._entries, self._diagonal = (rows, cols), np.flatnonzero(rows == cols)
+        self._entries = (rows, cols)
+        self._diagonal = np.flatnonzero(rows == cols)
         #: places of the entries in column-major band storage, with room for exchanged rows
         i, j = (each.astype(np.int64) for each in band.ends(pattern))
         self._rows = 2 * band.lower + band.upper + 1

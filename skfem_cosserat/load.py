@@ -241,7 +241,8 @@ class TermLine(Term):
         elements: IndexArray | None = None,
     ):
         check_beam(self.kind, beam)
-        self.beam, every = beam, beam.part(None)
+        self.beam = beam
+        every = beam.part(None)
         self.elements = every if elements is None else np.asarray(elements)
         given = self.elements
         if (

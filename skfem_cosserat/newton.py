@@ -405,7 +405,8 @@ def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = Fals
     report = stages.report
     with np.errstate(all="ignore"):
         code = _plain(stages, limits, record)
-    report.converged, report.iterations = code == SETTLED, int(record[ITERATIONS])
+    report.converged = code == SETTLED
+    report.iterations = int(record[ITERATIONS])
     report.reason = report.reason or {
         SETTLED: "",
         NOT_FINITE: "the residual is not finite",

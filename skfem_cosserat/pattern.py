@@ -64,7 +64,8 @@ class FrozenPattern:
         slot = np.empty(len(key), dtype=np.int64)
         slot[order] = new.cumsum() - 1
         counts = np.bincount(j[first], minlength=shape[1])
-        self.shape, self.nnz = (int(shape[0]), int(shape[1])), len(first)
+        self.shape = (int(shape[0]), int(shape[1]))
+        self.nnz = len(first)
         small = max(self.nnz, *self.shape) < np.iinfo(np.int32).max
         kind = np.int32 if small else np.int64
         self.slot = slot

@@ -487,10 +487,9 @@ class SectionRectangle(Section):
         k = np.arange(1, 400, 2)
         series = (np.tanh(k * np.pi * long / (2 * short)) / k**5.0).sum()
         J = long * short**3 * (1 / 3 - 64 / np.pi**5 * short / long * series)
-        area = a * b
         moments = (a * b**3 / 12, b * a**3 / 12)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (a / 2, b / 2)
-        super().__init__(*_solid(material, area, moments, float(J), shear_factor), corners)
+        super().__init__(*_solid(material, a * b, moments, float(J), shear_factor), corners)
         self.dimensions = ("a", a), ("b", b)
         self.others = ("material", material), ("shear_factor", shear_factor)
 
@@ -558,7 +557,8 @@ class SectionTube(Section):
         nu = material.nu
         out[:, 1:, 5] = x[:, ::-1] / twice * (-1, 1)
         # Love, Mathematical Theory of Elasticity, chapter 15
-        square, size = (x**2).sum(1)[:, None, None], (3 + 2 * nu) / 4
+        square = (x**2).sum(1)[:, None, None]
+        size = (3 + 2 * nu) / 4
         hole = size * (a * b) ** 2 / square
         even = size * (a**2 + b**2 + square) - square + hole
         pairs = (1 - 2 * size - 2 * hole / square) * x[:, :, None] * x[:, None]

@@ -84,7 +84,8 @@ class SectionAlong(SectionField):
     def __init__(self, function: Callable[[float], Section], share: bool = False):
         if not callable(function):
             raise InputError("section", f"function = {function!r}, expected a callable")
-        self.function, self.share = function, switch("section", share, "share")
+        self.function = function
+        self.share = switch("section", share, "share")
 
     def at(self, s: float, length: float) -> Section:
         """The section that the function gives; InputError if it gives something else."""
@@ -212,7 +213,8 @@ class SectionTable(SectionField):
                 raise InputError(item, f"{text} {count} stations")
         self._shapes = {name: array.shape[1:] for name, array in arrays.items()}
         parts = [a.reshape((count, int(np.prod(a.shape[1:])))) for a in arrays.values()]
-        self._ends, flat = np.cumsum([part.shape[1] for part in parts])[:-1], np.hstack(parts)
+        self._ends = np.cumsum([part.shape[1] for part in parts])[:-1]
+        flat = np.hstack(parts)
         self._stations = Stations(item, s, flat, interpolation == "pchip")
         self.s = self._stations.s
         self.interpolation = interpolation

@@ -74,8 +74,10 @@ class _Ramp(Frozen, ABC):
         _finite("ramp", begin=begin, end=end, first=first, last=last)
         if not end > begin:
             raise InputError("ramp", f"end = {end!r} s, expected it after begin = {begin!r} s")
-        self.begin, self.end = float(begin), float(end)
-        self.first, self.last = float(first), float(last)
+        self.begin = float(begin)
+        self.end = float(end)
+        self.first = float(first)
+        self.last = float(last)
         self.constant_after = self.end
 
     def _unclear(self, begin: float, end: float, values: tuple[float, ...]) -> str:

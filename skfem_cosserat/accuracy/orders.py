@@ -292,7 +292,8 @@ class _Trend:
             return f"{wandering}; {turning}, which takes five levels"
         noise = self.floor / self.sizes[self.used - 1] / np.log(self.h[-2] / self.h[-1])
         # changes that halve from pair to pair add up to one more
-        self.order, self.spread = float(order), float(2 * changes[-1] + noise)
+        self.order = float(order)
+        self.spread = float(2 * changes[-1] + noise)
         some = "" if self.used == len(self.sizes) else f", {self.counted}"
         return (
             f"order {order:.2f} +- {max(self.spread, 0.005):.2f}"

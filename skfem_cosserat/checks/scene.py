@@ -55,9 +55,8 @@ def free_end(path: Path) -> Iterator[Doubt]:
     """A motion that nothing holds in the equilibrium at the end, as of what a slack cable ties."""
     system = path.system
     history = path.history
-    instant = float(history.instants[-1])
     load_factor = float(history["load_factor"][-1])
-    y = system.extend(history["q"][-1], instant)
+    y = system.extend(history["q"][-1], float(history.instants[-1]))
     amplitudes = recorded_amplitudes(history)
     turns = history["turns"][-1] if "turns" in history else None
     tangent = reduced_tangent(system, y, amplitudes, balance(system, y, amplitudes, turns=turns))

@@ -133,10 +133,9 @@ class LoopReduction(Congruence):
         free = len(cols) and int(cols.max()) + 1
         first = np.arange(before)
         last = np.arange(behind)
-        shape = full.shape[0], before + free + behind
         rows = np.concatenate([first, before + rows, full.shape[0] - behind + last])
         cols = np.concatenate([first, before + cols, before + free + last])
-        super().__init__(full, FrozenPattern(rows, cols, shape))
+        super().__init__(full, FrozenPattern(rows, cols, (full.shape[0], before + free + behind)))
         self._closure = closure
         self._apart = (np.ones(before), np.ones(behind))
 
@@ -246,11 +245,10 @@ class BoundNullSpace(BoundTreatment):
     @cached_property
     def solver(self) -> LinearSolver:  # type: ignore[override]
         """Solver of the reduced matrix, with unknowns that only help in front."""
-        system = self.system
         pattern = self._reduction.pattern if self._loops else self._tree_matrix.pattern
         beams = [
             each.beam.label
-            for each in system.theory_rows
+            for each in self.system.theory_rows
             if np.isin(each.numbers, self.closure.rows).any()
         ]
         if beams and pattern.nnz > CROWDED:
@@ -472,9 +470,8 @@ class BoundNullSpace(BoundTreatment):
         P_right = self._null_spaces(y1)
         if self._P_left is None:
             self._P_left = self._null_spaces(self._left.y)
-        P_left = self._P_left
         out = []
-        for block, left, right in zip(blocks, P_left, P_right, strict=True):
+        for block, left, right in zip(blocks, self._P_left, P_right, strict=True):
             if left is None or right is None:
                 K = block.blocks() if isinstance(block, Parts) else block
             elif isinstance(block, Parts):

@@ -50,7 +50,8 @@ class SaddlePoint:
             (n + m, n + m),
         )
         self._solver = LinearSolver(self._pattern)
-        self._mass, self._scale = mass.data, float(abs(mass.data).max())
+        self._mass = mass.data
+        self._scale = float(abs(mass.data).max())
         self._rows = gi
 
     def __call__(self, y: Floats, p: Floats, rate: Floats) -> tuple[Floats, Floats]:

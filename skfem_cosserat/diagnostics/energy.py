@@ -261,9 +261,8 @@ def strain_excess(
 
 def recorded_factors(system: System, history: History) -> Floats:
     """Factors (N, k) of loads at the states of a run, or a path, as far as strains need them."""
-    given = history.series.get("amplitudes/loads")
     times = history.instants if system.loading.strained else 0.0
-    return load_factors(system, times, given, len(history))
+    return load_factors(system, times, history.series.get("amplitudes/loads"), len(history))
 
 
 def load_factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, count: int) -> Floats:

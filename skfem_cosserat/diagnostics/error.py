@@ -366,7 +366,8 @@ class SectionPlaces:
         self._e, self._x = e, x = _places(beam, elements, xi)
         lengths = beam.elements.lengths[e][:, None]
         self._shapes = beam.basis.shape(x).T, beam.basis.dshape(x).T / lengths
-        self._turned, self._sections = beam.rotations[e], beam.section_points(e, x[:, None])
+        self._turned = beam.rotations[e]
+        self._sections = beam.section_points(e, x[:, None])
         self._own = (4 * beam.basis.connectivity[e][:, :, None] + np.arange(4)).reshape(len(e), -1)
         self._reference = self._at(beam.reference.reshape(1, -1, 3)[:, self._own])[1]
         free = np.zeros((len(e), 1, 6)) + beam.strains_at(e, x[:, None])

@@ -89,11 +89,13 @@ class Composition(Integrator):
                 " out",
             )
         half = _HALVES[int(order)]
-        self.part, self.order = part, int(order)
+        self.part = part
+        self.order = int(order)
         self.shares = (*half, *half[-2::-1])
         self.name = f"{part.name} composed to order {order}"
         # it is the longest of the steps that has to resolve the frequencies
-        limit, longest = part.frequency_limit, max(map(abs, half))
+        limit = part.frequency_limit
+        longest = max(map(abs, half))
         self.frequency_limit = None if limit is None else limit / longest
         self.fixed_step = part.fixed_step
         self.advice = part.advice

@@ -235,7 +235,8 @@ class Nodes:
         rows = np.full((count, 4), system.total)
         rows[:, 0] = system.origin_rows
         rows[framed] = system.origin_rows[framed, None] + np.arange(4)
-        self._framed, mass = rows[framed], system.mass.tocsr(copy=True)
+        self._framed = rows[framed]
+        mass = system.mass.tocsr(copy=True)
         mass.resize(system.total + 1, system.total + 1)
         i, j = np.broadcast_arrays(rows[:, :, None], rows[:, None])
         matrix = np.asarray(mass[i.ravel(), j.ravel()]).reshape(i.shape)

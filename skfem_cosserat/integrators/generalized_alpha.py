@@ -152,7 +152,8 @@ class GeneralizedAlpha(Integrator):
         later = q + s * v + 0.5 * s**2 * a, v + s * a, t + s
         change = (accelerations(system, *later, state.turns)[0] - a) / s
         # where the step does not resolve it, no more than velocities that are there
-        there, more = self._size(system, v) + h * self._size(system, a), self._size(system, change)
+        there = self._size(system, v) + h * self._size(system, a)
+        more = self._size(system, change)
         if 0 < there < h**2 * more:
             change = change * (there / (h**2 * more))
         early = self.alpha_m - self.alpha_f

@@ -515,7 +515,8 @@ class Stepper:
                 block = fast.advance(state, np.array([time]), origin)
                 if block is not None:
                     # by their terms: far below what is broken by the size of the joints
-                    missed, residual = fast.missed > 1e-4 * BROKEN, float(block.residual[0])
+                    missed = fast.missed > 1e-4 * BROKEN
+                    residual = float(block.residual[0])
                     if missed and (wrong := self._contradiction(state, h, fast.y1, residual)):
                         return wrong
                     self._first = False
@@ -713,9 +714,8 @@ class Stepper:
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation
         steps = self.system, self.integrator.single, state, new, of.h
-        ground = y1[self.system.rows :]
         counts = (iterations, attempts, report.residual)
-        return Block.of_one(*steps, ground, impulse, finished.work, *counts)
+        return Block.of_one(*steps, y1[self.system.rows :], impulse, finished.work, *counts)
 
     def _count_left(self, state: State) -> None:
         """A step is left to plain numpy: say it where that costs much."""

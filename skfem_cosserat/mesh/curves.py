@@ -94,7 +94,8 @@ class CurveLine(Frozen):
     """
 
     def __init__(self, start: VectorLike, end: VectorLike):
-        self.start, self.end = vector(start, "line start"), vector(end, "line end")
+        self.start = vector(start, "line start")
+        self.end = vector(end, "line end")
         self.length = float(np.linalg.norm(self.end - self.start))
         if self.length == 0.0:
             raise MeshError("line", f"start and end are the same point {self.start.tolist()}")

@@ -77,7 +77,8 @@ def section_triads(
             angles = _angles(mesh, value, e, mesh.arc_starts[e, None] + along[e])
             triads[e] = _turned(triads[e], angles)
     # neighbours on a chain have the very same triad where theirs agree to round-off
-    before, after = mesh.chain_order.before, mesh.chain_order.after
+    before = mesh.chain_order.before
+    after = mesh.chain_order.after
     same = abs(triads[before, -1] - triads[after, 0]).max(axis=(1, 2)) <= SAME
     triads[after[same], 0] = triads[before[same], -1]
     return triads

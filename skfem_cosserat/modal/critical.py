@@ -259,10 +259,9 @@ def _critical(
 ) -> tuple[Floats, Floats]:
     """Factors (count,) and vectors (unknowns, count): ``-K_1 x = (1/factor) K_0 x``."""
     size = float(abs(K1).max()) if K1.nnz else 0.0
-    symmetric = not size or bool(abs(K1 - K1.T).max() <= SAME * size)
     n = K1.shape[0]
     many = min(n, count + SPARE)
-    if symmetric:
+    if not size or bool(abs(K1 - K1.T).max() <= SAME * size):
         K1 = (0.5 * (K1 + K1.T)).tocsr()
         if n <= EIGENVALUES or many > n // 3:
             X = eigh(-K1.toarray(), pencil.K.toarray())[1]

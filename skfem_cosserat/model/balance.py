@@ -173,9 +173,8 @@ def balance(
         internal = internal + system.drag @ ydot[: system.rows]
     coupled = None
     if system.couplings.count:
-        origin = np.real(y) if before is None else before
         now = amplitudes.actuators, 1.0, amplitudes.time
-        start = system.couplings.starting(origin, turns, *now)
+        start = system.couplings.starting(np.real(y) if before is None else before, turns, *now)
         coupled = system.couplings.static(start, y, ydot, share)
         internal = internal + coupled.force[: system.rows]
     external = external_force(system, y, amplitudes)

@@ -56,7 +56,8 @@ class RowsByTwists:
         row = number[constraints.rows[which]]
         y_row, component = np.divmod(constraints.cols[which], 3)
         turning = kinematics.row_is_director[y_row]
-        self._plain, self._turning = np.flatnonzero(~turning), np.flatnonzero(turning)
+        self._plain = np.flatnonzero(~turning)
+        self._turning = np.flatnonzero(turning)
         base = kinematics.row_twist[y_row]
         shifts = base[self._plain] + component[self._plain]
         turns = base[self._turning][:, None] + np.arange(3)

@@ -341,10 +341,9 @@ class TwistMap:
         # targets, then centres, as far as they move with a vertex; which of them feel its rotation
         spots = np.concatenate([self.pair_target, self.pair_centre])
         of_spot = np.array([s.vertex for s in self.spots], dtype=np.int64)
-        turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
         on = np.flatnonzero(of_spot[spots] < nv)
         moving = spots[on]
-        turning = np.flatnonzero(turns[moving])
+        turning = np.flatnonzero(np.array([any(s.offset) for s in self.spots], dtype=bool)[moving])
         return _Moved(
             on_track,
             kin.twist_of[track[on_track]] + 3,

@@ -442,9 +442,8 @@ def tension_factor(kind: Interpolation) -> float:
     slope = shape_derivatives(kind, x)
     x, v = gauss_rule(kind.points)
     shape = shape_functions(kind, x)
-    bending = (slope * w) @ slope.T
     tension = 2 * (shape * v) @ shape.T - np.diag(shape @ v)
-    values = np.linalg.eigvals(np.linalg.solve(-tension, bending))
+    values = np.linalg.eigvals(np.linalg.solve(-tension, (slope * w) @ slope.T))
     real = values[abs(values.imag) < 1e-9 * abs(values).max()].real
     return float(real[real > 1e-9].min())  # zero belongs to a constant theta
 

@@ -148,7 +148,8 @@ class QuadraticConstraints:
         self._other = np.concatenate([self._pb, self._pa])
         self._linear_values = lc.repeat(3)
         # rows and columns never change
-        xyz, each = np.arange(3), self._pk.repeat(3)
+        xyz = np.arange(3)
+        each = self._pk.repeat(3)
         self.rows = np.concatenate([self._lk, each, each])
         self.cols = (3 * np.concatenate([self._la, self._pa, self._pb])[:, None] + xyz).ravel()
         self.inside = np.flatnonzero(self.cols < n)

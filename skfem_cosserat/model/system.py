@@ -209,7 +209,8 @@ class System(Pictured):
         self.placed = placed
         self.since = 0.0 if placed is None else placed.t
         self.structures, self.joints, self.loads = list(structures), list(joints), list(loads)
-        self.drives, self.dampings = list(drives), list(dampings)
+        self.drives = list(drives)
+        self.dampings = list(dampings)
         self._number()
         self._place_ground(couplings)
         self._group(dampings)
@@ -284,7 +285,8 @@ class System(Pictured):
         self.is_frame = np.concatenate(framed)
         size = np.where(self.is_frame, 4, 1)
         self.origin_rows: IndexArray = size.cumsum() - size
-        self._y0, self._v0 = np.concatenate(y), np.concatenate(rates)
+        self._y0 = np.concatenate(y)
+        self._v0 = np.concatenate(rates)
 
     def _place_ground(self, couplings: Sequence[Coupling]) -> None:
         places = [place for joint in self.joints for place in (joint.a, joint.b)]

@@ -365,7 +365,8 @@ def _refined(mesh: Mesh, index: IndexArray, marked: IndexArray) -> tuple[Mesh, I
     curved = isinstance(mesh, MeshTri2)
     straight = MeshTri1(mesh.p[:, : mesh.t.max() + 1], mesh.t) if curved else mesh
     # subdomains go along: the bits of the numbers of the elements say where each one came from
-    number, bits = np.arange(mesh.nelements), range(mesh.nelements.bit_length())
+    number = np.arange(mesh.nelements)
+    bits = range(mesh.nelements.bit_length())
     tagged = straight.with_subdomains({str(k): np.flatnonzero(number >> k & 1) for k in bits})
     finer = tagged.refined(marked) if mesh.t.shape[0] == 3 else tagged.refined()
     parent = np.zeros(finer.nelements, dtype=np.int64)

@@ -125,7 +125,8 @@ class ProfileRectangle(ProfileRectangles):
         self.item = "rectangle"
         all_positive(self.item, a=a, b=b)
         # two parts along the shorter edge, so that both axes are axes of symmetry of the mesh
-        x, y = (a / 2, b / 2)
+        x = a / 2
+        y = b / 2
         mesh, names = _grid(
             np.array([-x, 0, x]), np.array([-y, 0, y]), np.zeros((2, 2), dtype=int), min(a, b)
         )

@@ -161,8 +161,10 @@ class ConditionCoordinate(OfStates):
     def __init__(
         self, joint: Joint | str, level: float, coordinate: str | None = None, rate: bool = False
     ):
-        self.joint, self.level = joint, finite("condition", "level", level)
-        self.coordinate, self.rate = coordinate, switch("condition", rate, "rate")
+        self.joint = joint
+        self.level = finite("condition", "level", level)
+        self.coordinate = coordinate
+        self.rate = switch("condition", rate, "rate")
 
     def check(self, system: System) -> None:
         """Raise InputError if it cannot be found in this system."""
@@ -242,7 +244,8 @@ class ConditionReaction(Condition):
         moment: bool = False,
         component: int | None = None,
     ):
-        self.joint, self.level = joint, finite("condition", "level", level)
+        self.joint = joint
+        self.level = finite("condition", "level", level)
         self.moment = switch("condition", moment, "moment")
         if component is not None and component not in (0, 1, 2):
             raise InputError("condition", f"component = {component!r}, expected 0, 1, 2 or None")
@@ -270,10 +273,8 @@ class ConditionEnergy(OfStates):
     """
 
     def __init__(self, level: float, kinetic: bool = False):
-        self.level, self.kinetic = (
-            finite("condition", "level", level),
-            switch("condition", kinetic, "kinetic"),
-        )
+        self.level = finite("condition", "level", level)
+        self.kinetic = switch("condition", kinetic, "kinetic")
 
     def values(self, states: Window) -> Floats:
         """The numbers (k,) at several states."""
@@ -477,10 +478,9 @@ class ActionFunction(Action):
             answer = self.function(view.time, view)
         except Exception as error:
             raise failed("action", "it", error, view.time) from error
-        given = answer if isinstance(answer, tuple) else (answer,)
         system = None
         state = None
-        for each in given:
+        for each in answer if isinstance(answer, tuple) else (answer,):
             if isinstance(each, (Model, System)):
                 system = system_of(each)
             elif isinstance(each, State):

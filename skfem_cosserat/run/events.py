@@ -402,7 +402,8 @@ class EventMonitor:
         self.events = [each for each in self.events if not (each.once and each.name in done)]
         if self._stepper is not None and self._stepper.system is not stepper.system:
             self._stepper = None
-        self.system, self._motions = stepper.system, _Motions(stepper)
+        self.system = stepper.system
+        self._motions = _Motions(stepper)
         self.view = self.seen(state)
         #: times of the last two states, and the numbers there
         self._last = np.array([state.time])

@@ -196,7 +196,8 @@ class Record:
         self.h = stepper.h
         #: steps may differ in size: it is recorded
         self.varying = varying
-        self.segments, self.events = [Segment(0, self.system)], list[EventRecord]()
+        self.segments = [Segment(0, self.system)]
+        self.events = list[EventRecord]()
         #: metadata of the history beside what is recorded
         self.more: Callable[[], dict[str, Any]] = dict
         meta, static = describe(self.system)
@@ -582,7 +583,8 @@ def restart(
         raise HistoryError("history", f"belongs to another model: {difference}")
     row = history.last()
     # the end of a path of static(): loads and motions go on from its load factor
-    t, index = float(history.instants[-1]), int(row["step"])
+    t = float(history.instants[-1])
+    index = int(row["step"])
     y = system.extend(np.array(row["q"]), t)
     wrong = broken_constraint(system, y, 1e-6)
     if wrong:

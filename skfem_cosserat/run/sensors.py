@@ -67,7 +67,8 @@ class Window:
         force: Floats | None = None,
     ):
         self.system, self.t, self.turns, self.force = system, t, turns, force
-        self.q, self.p = q.view(), p.view()
+        self.q = q.view()
+        self.p = p.view()
         for states in (self.q, self.p):  # an own sensor may try to write there
             states.flags.writeable = False
         self._motions = motions

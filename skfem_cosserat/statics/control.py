@@ -232,7 +232,8 @@ class _Steered(Control):
         self.until = finite(item, "until", until) if at is None else None
         self.longest = positive(item, "longest", longest)
         self.first = min(positive(item, "first", first), self.longest)
-        self.steps, self.turn = steps, _turned(item, turn)
+        self.steps = steps
+        self.turn = _turned(item, turn)
         self.all_points = steps is None and at is None
 
 
