@@ -111,7 +111,7 @@ class DirectorBasis(CellBasis):
         ne = mesh.t.shape[1]
         nv = mesh.p.shape[1]
         self.n_nodes = nv + ne * (p - 1)
-        self.connectivity = np.empty((ne, p + 1), dtype=np.int64)
+        self.connectivity = np.empty((ne, p + 1), np.int64)
         self.connectivity[:, 0], self.connectivity[:, -1] = mesh.t
         self.connectivity[:, 1:-1] = np.arange(nv, self.n_nodes).reshape(ne, p - 1)
         self.lengths = mesh.lengths
@@ -288,7 +288,7 @@ class DirectorBasis(CellBasis):
         value = coefficient
         if callable(coefficient):
             value = coefficient(self.mesh.mapping().F(points[None]))
-        array = np.asarray(value, dtype=float)
+        array = np.asarray(value, float)
         if array.shape == shape[:1] and not callable(coefficient):
             array = array[:, None]
         if array.shape not in {(), (shape[0], 1), shape}:
@@ -402,8 +402,8 @@ class DirectorBasis(CellBasis):
 
 def _checked_rule(quadrature: tuple[Any, Any]) -> tuple[Floats, Floats]:
     """Points and weights (nq,) of a rule given as scikit-fem wants it."""
-    points = np.atleast_2d(np.asarray(quadrature[0], dtype=float))
-    weights = np.asarray(quadrature[1], dtype=float)
+    points = np.atleast_2d(np.asarray(quadrature[0], float))
+    weights = np.asarray(quadrature[1], float)
     if points.shape[0] != 1 or weights.shape != points.shape[1:]:
         raise InputError(
             "argument quadrature",
@@ -421,7 +421,7 @@ def _local_dofs(basis: Any) -> IndexArray:
     """Degrees of freedom (ne, k) of elements in the order of element arrays."""
     if isinstance(basis, DirectorBasis):
         return basis.element_dof_rows
-    return np.asarray(basis.element_dofs, dtype=np.int64).T
+    return np.asarray(basis.element_dofs, np.int64).T
 
 
 class ElementForm(Form):
@@ -585,7 +585,7 @@ def error_norms(
     """
     if by not in {"position", "arc"}:
         raise InputError("argument by", f"got {by!r}, expected 'position' or 'arc'")
-    values = np.asarray(field, dtype=float)
+    values = np.asarray(field, float)
     if values.shape == (basis.N,):
         values = values.reshape(-1, 12)
     values = values.reshape(len(values), -1)
@@ -605,7 +605,7 @@ def error_norms(
 
 def _norm(scalar: CellBasis, found: Floats, exact: ArrayLike) -> float:
     """L2 norm of the difference of values (k, ne, nq) at quadrature points."""
-    wanted = np.asarray(exact, dtype=float)
+    wanted = np.asarray(exact, float)
     wanted = wanted[None] if wanted.ndim == 2 else wanted
     if wanted.shape != found.shape:
         raise InputError("argument exact", f"returned shape {wanted.shape}, expected {found.shape}")

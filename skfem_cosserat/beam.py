@@ -208,8 +208,8 @@ class Beam(LineItem):
     ) -> tuple[dict[str, Section | SectionField], IndexArray]:
         ne = self.mesh.nelements
         if not isinstance(section, Mapping) or not section:
-            return {"section": self._section("= ", section)}, np.zeros(ne, dtype=np.int64)
-        number = np.full(ne, -1, dtype=np.int64)
+            return {"section": self._section("= ", section)}, np.zeros(ne, np.int64)
+        number = np.full(ne, -1, np.int64)
         given = {name: self._section(f"of part {name!r} is ", x) for name, x in section.items()}
         for k, name in enumerate(given):
             ids = self.mesh.elements_of(name)
@@ -289,7 +289,7 @@ class Beam(LineItem):
             Reference coordinates in [0, 1].
         """
         at = np.broadcast_to(xi, (len(elements), np.shape(xi)[-1]))
-        given = np.array(list(self.sections.values()), dtype=object)[self.section_id[elements]]
+        given = np.array(list(self.sections.values()), object)[self.section_id[elements]]
         out = given[:, None].repeat(at.shape[1], axis=1)
         starts, totals = self._part_lengths()
         for m in np.flatnonzero(np.isfinite(totals[elements])):
@@ -659,7 +659,7 @@ class Beam(LineItem):
         turned = np.zeros((len(d), 6, 6))
         turned[:, 3:, 3:] = np.einsum("nia,nib->nab", d, forces)
         turned[:, 3:, 3:] -= (d * forces).sum((1, 2))[:, None, None] * np.eye(3)
-        return csr_matrix(P.T @ K @ P + _diagonal(turned)), P.T @ np.asarray(r, dtype=float)
+        return csr_matrix(P.T @ K @ P + _diagonal(turned)), P.T @ np.asarray(r, float)
 
     def update(self, q: ArrayLike, du: ArrayLike) -> Floats:
         """Coordinates (12 N,) after displacements and rotations of the nodes.

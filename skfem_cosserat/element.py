@@ -291,7 +291,7 @@ def shape_derivatives(order: int | Interpolation, xi: ArrayLike) -> Array:
     for a, own in enumerate(nodes):
         others = np.delete(nodes, a)
         scale = np.prod(own - others)
-        total = np.zeros(x.shape, dtype=np.result_type(x, float))
+        total = np.zeros(x.shape, np.result_type(x, float))
         for k in range(len(others)):
             factors = [x - other for other in np.delete(others, k)]
             total = total + np.prod([np.ones_like(total), *factors], axis=0)

@@ -393,7 +393,7 @@ def null_space_blocks(directors: Array) -> Array:
     """
     nn = 1 if directors.ndim == 3 else directors.shape[1]
     each = directors.reshape(-1, nn, 3, 3)
-    out = np.zeros((len(each), nn, 4, 3, nn, 2, 3), dtype=directors.dtype)
+    out = np.zeros((len(each), nn, 4, 3, nn, 2, 3), directors.dtype)
     for a in range(nn):
         out[:, a, 0, :, a, 0] = np.eye(3)
         out[:, a, 1:, :, a, 1] = -skew(each[:, a])
@@ -408,7 +408,7 @@ def exp_quaternion(theta: Array) -> Array:
     """Unit quaternions ``(w, x, y, z)`` (..., 4) of rotation vectors ``theta`` (..., 3)."""
     # the sine of a vanishing angle over itself is one, also for complex steps
     half = np.sqrt((theta * theta).dot(_QUARTER) + 1e-300)
-    out = np.empty((*theta.shape[:-1], 4), dtype=theta.dtype)
+    out = np.empty((*theta.shape[:-1], 4), theta.dtype)
     np.cos(half, out=out[..., :1])
     np.multiply(np.sin(half) / (2 * half), theta, out=out[..., 1:])
     return out

@@ -244,7 +244,7 @@ class LawStored(Law):
         if gradient is not None or np.iscomplexobj(mean):
             return super().beside(mean, d)
         m = len(self._ones)
-        moved = np.empty((*d.shape[:-1], m + 2, m), dtype=complex)
+        moved = np.empty((*d.shape[:-1], m + 2, m), complex)
         moved[..., :m, :] = mean[..., None, :] + self._moves
         along = STEP * 1j * d
         step = GAUSS[0] * d
@@ -356,9 +356,9 @@ class CompiledFunction:
         """
         from numba.core.errors import NumbaError
 
-        given = np.array(eps, dtype=complex if np.iscomplexobj(eps) else float, order="C")
+        given = np.array(eps, complex if np.iscomplexobj(eps) else float, order="C")
         rows = given.reshape(-1, 6)
-        out = np.empty((len(rows), int(np.prod(self.shape))), dtype=given.dtype)
+        out = np.empty((len(rows), int(np.prod(self.shape))), given.dtype)
         try:
             found = np.shape(self.function(rows[0].copy())) if len(rows) else self.shape
             if found != self.shape:

@@ -158,7 +158,7 @@ class Band:
     def __init__(self, pattern: FrozenPattern):
         n = pattern.shape[0]
         self.order: IndexArray = reverse_cuthill_mckee(mirrored(pattern), symmetric_mode=True)
-        self.position: IndexArray = np.empty(n, dtype=np.int64)
+        self.position: IndexArray = np.empty(n, np.int64)
         self.position[self.order] = np.arange(n)
         i, j = self.ends(pattern)
         i -= j

@@ -61,7 +61,7 @@ class FrozenPattern:
         key = (j * int(shape[0]) + i)[order]
         new = np.concatenate([[True], key[1:] != key[:-1]])[: len(key)]
         first = order[new]
-        slot = np.empty(len(key), dtype=np.int64)
+        slot = np.empty(len(key), np.int64)
         slot[order] = new.cumsum() - 1
         counts = np.bincount(j[first], minlength=shape[1])
         self.shape = (int(shape[0]), int(shape[1]))

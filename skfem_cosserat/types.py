@@ -19,7 +19,7 @@ Array: TypeAlias = NDArray[Any]
 Floats: TypeAlias = NDArray[np.float64]
 IndexArray: TypeAlias = NDArray[np.int64]
 #: Numbers of nothing.
-NO_INDICES: IndexArray = np.zeros(0, dtype=np.int64)
+NO_INDICES: IndexArray = np.zeros(0, np.int64)
 #: The name of a file or folder.
 FilePath: TypeAlias = str | os.PathLike[str]
 #: Three numbers.
@@ -58,7 +58,7 @@ def floats(value: Any) -> Floats:
     array = np.asarray(value)
     if array.dtype.kind not in "iufO" or (array.dtype == object and None in list(array.flat)):
         raise TypeError
-    return np.array(array, dtype=float)
+    return np.array(array, float)
 
 
 def shaped(item: str, name: str, value: Any, *shapes: tuple[int, ...]) -> Floats:

@@ -132,7 +132,7 @@ def convergence(
     """
     good = [k for k, each in enumerate(values) if each is not None and np.isfinite(each).all()]
     chosen = [np.asarray(values[k]) for k in good]
-    every = np.asarray(sizes, dtype=float)
+    every = np.asarray(sizes, float)
     exact = None if finest else reference
     scale = max([norm(each) for each in (*chosen, exact) if each is not None], default=0.0)
     rest = (every[good], chosen, norm, scale)

@@ -359,7 +359,7 @@ class PrecisionTable(Report):
         if errors is None:
             levels = _decades(points, quantity, self.reference_errors[quantity])
         else:
-            several = np.atleast_1d(np.asarray(errors, dtype=object))
+            several = np.atleast_1d(np.asarray(errors, object))
             levels = [positive("argument errors", "error", each) for each in several]
         found = {level: _cheapest(points, quantity, level) for level in levels}
         return Front(quantity, found, pareto(points, quantity), self.reference_errors[quantity])

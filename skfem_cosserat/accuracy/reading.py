@@ -284,7 +284,7 @@ class Quantities:
                     f"is one over time, but the problem gave a {type(result).__name__} without"
                     f" times at {level}: expected a History or a mapping with {TIMES!r}",
                 )
-            times = np.asarray(result[TIMES], dtype=float)
+            times = np.asarray(result[TIMES], float)
         if not self.given and isinstance(result, History):
             raise InputError(
                 "argument quantities",

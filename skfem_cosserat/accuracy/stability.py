@@ -291,7 +291,7 @@ class JudgeEnergy:
 
     def _energies(self, history: History) -> Floats:
         if self.energy is not None:
-            values = np.asarray(self.energy(history), dtype=float)
+            values = np.asarray(self.energy(history), float)
             if values.shape != history.times.shape:
                 raise InputError(
                     "JudgeEnergy",
@@ -407,7 +407,7 @@ class Map(Report):
 
     def _array(self, name: str, kind: type = float) -> Array:
         values = [getattr(cell, name) for cell in self.cells.flat]
-        return np.array(values, dtype=kind).reshape(self.cells.shape)
+        return np.array(values, kind).reshape(self.cells.shape)
 
     @property
     def rows(self) -> list[dict[str, Any]]:
@@ -506,7 +506,7 @@ class Map(Report):
             choices = [dict(zip(self.axes, choice, strict=True)) for choice in values]
             check_call(line, choices[0], f"line {text!r}")
             return np.array([float(line(**choice)) for choice in choices]).reshape(self.cells.shape)
-        field = np.asarray(line, dtype=float)
+        field = np.asarray(line, float)
         if field.shape != self.cells.shape:
             raise InputError(
                 f"line {text!r}", f"shape {field.shape}, expected {self.cells.shape}, a cell each"
@@ -626,7 +626,7 @@ def stability_map(
         check=_check,
         retry=retry,
     )
-    cells = np.empty(len(found), dtype=object)
+    cells = np.empty(len(found), object)
     cells[:] = [_verdict(each) for each in found]
     shape = [len(each) for each in values.values()]
     seconds = np.array([each.seconds for each in found])

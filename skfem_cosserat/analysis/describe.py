@@ -140,7 +140,7 @@ def recorded_turns(system: System, history: History, index: int = -1) -> IndexAr
     if not angles or "turns" not in history:
         return None
     known = dict(zip(history.meta.get("turns", []), history["turns"][index], strict=True))
-    return np.array([known.get(name, 0) for name in angles], dtype=np.int64)
+    return np.array([known.get(name, 0) for name in angles], np.int64)
 
 
 def _describe_lump(
@@ -161,8 +161,8 @@ def _describe_lump(
         return
     meta["bodies"].append({"name": item.name, "shape": "surface" if rigid else "ball"})
     if surface is not None:
-        static[key + "points"] = np.array(surface[0], dtype=float) + place.offset
-        static[key + "faces"] = np.array(surface[1], dtype=np.int64)
+        static[key + "points"] = np.array(surface[0], float) + place.offset
+        static[key + "faces"] = np.array(surface[1], np.int64)
 
 
 def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[str, Any]:
@@ -170,12 +170,12 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     row = system.first[id(beam)][1]
     nodes = len(beam.basis.nodes)
     names = sorted(beam.mesh.subdomains or {})
-    part = np.full(len(beam.section_id), -1, dtype=np.int64)
+    part = np.full(len(beam.section_id), -1, np.int64)
     for k, name in enumerate(names):
         part[beam.mesh.elements_of(name)] = k
     own = {
         "offsets": 3 * (row + 4 * np.arange(nodes, dtype=np.int64)),
-        "connectivity": np.asarray(beam.basis.connectivity, dtype=np.int64),
+        "connectivity": np.asarray(beam.basis.connectivity, np.int64),
         "lengths": beam.elements.lengths,
         "rotations": beam.rotations,
         "part": part,

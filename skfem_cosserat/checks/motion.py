@@ -116,7 +116,7 @@ class Run(Recorded):
         history = self.history
         if self.comparable:
             return doubtful_steps(self.system, history)
-        return np.zeros(len(history), dtype=bool)
+        return np.zeros(len(history), bool)
 
     @cached_property
     def alternation(self) -> Alternation | None:

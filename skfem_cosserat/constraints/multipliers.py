@@ -171,7 +171,7 @@ class BoundMultipliers(BoundTreatment):
             self._choose(y0, momentum)
         if self._redundant:  # the multipliers of rows that depend on others are not in use
             keep = self._keep if self._inside is None else self._keep[self._inside.kept]
-            self.active = np.concatenate([np.ones(self._coordinates, dtype=bool), keep > 0])
+            self.active = np.concatenate([np.ones(self._coordinates, bool), keep > 0])
         self._q0 = y0[: self.system.rows].reshape(-1)
         self._jacobian = self.system.constraints.jacobian_values(self._regular(y0))
         self._sized = False
@@ -241,7 +241,7 @@ class BoundMultipliers(BoundTreatment):
         if self._inside is not None:
             G = G @ self._inside.along
             force = self._inside.restrict(force)
-        out = np.zeros(self.system.m, dtype=R.dtype)
+        out = np.zeros(self.system.m, R.dtype)
         if len(kept):
             out[kept] = -splu((G @ G.T).tocsc()).solve(G @ force)
         return out
@@ -281,7 +281,7 @@ class BoundMultipliers(BoundTreatment):
         n = self.system.n
         force = self._left * self.sought[1].take(constraints.G_rows)
         summed = sum_at(constraints.G_cols, force, n)
-        out = np.empty(n + self.system.m, dtype=np.result_type(R, force, y1))
+        out = np.empty(n + self.system.m, np.result_type(R, force, y1))
         self._found = summed
         out[:n] = R.reshape(-1) + summed
         out[n:] = constraints.values(y1)

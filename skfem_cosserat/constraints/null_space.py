@@ -209,7 +209,7 @@ class BoundNullSpace(BoundTreatment):
         self._large = large
         self._held = held = system.held_rows
         self.unknowns = kin.unknowns - self.closure.rank + len(held)
-        number = np.zeros(len(system.origin_rows), dtype=np.int64)
+        number = np.zeros(len(system.origin_rows), np.int64)
         number[kin.frames] = np.arange(len(kin.frames))
         rows = [kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups]
         #: of each group, first rows of directors of each element's nodes; none of points
@@ -403,7 +403,7 @@ class BoundNullSpace(BoundTreatment):
             if max(float(abs(gap).max(initial=0.0)) for gap in gaps) <= CLOSED:
                 return y1
             T = self._entries_of_tree(y1)
-            step = np.zeros(kin.unknowns, dtype=y1.dtype)
+            step = np.zeros(kin.unknowns, y1.dtype)
             for s, gap in zip(closure.again(self._chosen, y1, T), gaps, strict=True):
                 step[s.component.columns] = s.correction(gap)
             size = self._size(step)[0]
@@ -440,7 +440,7 @@ class BoundNullSpace(BoundTreatment):
 
     def _all_multipliers(self) -> Array:
         """Multipliers of all constraint rows (m,): zero of those that have none."""
-        out = np.zeros(self.system.m, dtype=self._multipliers.dtype)
+        out = np.zeros(self.system.m, self._multipliers.dtype)
         out[self._held] = self._multipliers
         return out
 

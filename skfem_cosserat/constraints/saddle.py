@@ -59,7 +59,7 @@ class SaddlePoint:
         n = self.system.n
         G = self._scale * self.system.constraints.jacobian_values(y)
         rhs = np.concatenate([p, self._scale * rate])
-        out = np.zeros(self.system.m, dtype=bool)
+        out = np.zeros(self.system.m, bool)
         out[dependent_rows(self.system, y)] = True
         if out.any():
             G[out[self._rows]] = 0

@@ -274,7 +274,7 @@ def load_factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, cou
         times = np.minimum(as_times(t, count), max(loading.constant_after, 0.0))
         some, which = np.unique(times, return_inverse=True)
         return np.reshape([loading.values(s) for s in some.tolist()], (len(some), channels))[which]
-    given = np.asarray(amplitudes, dtype=float)
+    given = np.asarray(amplitudes, float)
     if given.shape not in ((channels,), (count, channels)):
         raise InputError(
             "argument amplitudes",
@@ -534,7 +534,7 @@ def held_forces(
     if theory is None:
         return 0.0
     shape = count, system.m
-    found = np.full(shape, np.nan) if multipliers is None else np.asarray(multipliers, dtype=float)
+    found = np.full(shape, np.nan) if multipliers is None else np.asarray(multipliers, float)
     if found.shape not in (shape, (system.m,)):
         raise InputError("argument multipliers", f"has shape {found.shape}, expected {shape}")
     return theory.stress(np.broadcast_to(found, shape))

@@ -116,14 +116,14 @@ def new_rows(source: System, target: System) -> IndexArray:
         If the meshes of a beam do not divide the same lines.
     """
     known = {beam.name: beam for beam in source.beams}
-    out = [np.zeros((0, 4), dtype=np.int64)]
+    out = [np.zeros((0, 4), np.int64)]
     for beam in target.beams:
         other = known[beam.name]
         basis = beam.basis
         from ..mesh.divide import places_in
 
         e, x = places_in(other.mesh, beam.mesh, basis.interpolation.nodes)
-        met = np.zeros(basis.n_nodes, dtype=bool)
+        met = np.zeros(basis.n_nodes, bool)
         met[basis.connectivity] = _met(other, e, x)[0]
         out.append(target.first[id(beam)][1] + 4 * np.flatnonzero(~met)[:, None] + np.arange(4))
     return np.concatenate(out)

@@ -470,7 +470,7 @@ def accelerations(
     ([0.0, 0.0, 9.0], [38.0])
     """
     Q, V, times = np.asarray(q), np.asarray(v), np.asarray(t).tolist()
-    counted = [None] * len(Q) if turns is None else np.atleast_2d(np.asarray(turns, dtype=np.int64))
+    counted = [None] * len(Q) if turns is None else np.atleast_2d(np.asarray(turns, np.int64))
     a = np.empty_like(Q)
     lam = np.empty((len(Q), system.m))
     for k, (s, turned) in enumerate(zip(times, counted, strict=True)):

@@ -104,7 +104,7 @@ def _turns(system: System, joint: Joint, name: str, turns: ArrayLike | None) -> 
         return None
     for k, item in enumerate(system.couplings.angles):
         if (item.a, item.b) == (joint.a, joint.b) and item.coordinates[0].name == name:
-            return np.atleast_2d(np.asarray(turns, dtype=np.int64))[:, k : k + 1]
+            return np.atleast_2d(np.asarray(turns, np.int64))[:, k : k + 1]
     return None
 
 
@@ -147,7 +147,7 @@ def coupling_energy(
     """
     if not system.couplings.count:
         return np.zeros(len(np.asarray(q)))
-    number = None if turns is None else np.asarray(turns, dtype=np.int64)
+    number = None if turns is None else np.asarray(turns, np.int64)
     return system.couplings.energy(all_rows(system, q, t), number)
 
 
@@ -172,7 +172,7 @@ def relative_series(
     out = [
         each for joint in system.joints for each in _coordinates(system, joint, y, ydot, t, turns)
     ]
-    number = None if turns is None else np.asarray(turns, dtype=np.int64)
+    number = None if turns is None else np.asarray(turns, np.int64)
     for item, xi, force in system.couplings.forces(y, ydot, number, t):
         if item.points:
             continue

@@ -107,7 +107,7 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
     plus = np.full_like(q, np.nan)
     if len(q) and not history["fresh"][0]:
         plus[0] = history["carried"][0]
-    turns = np.asarray(history["turns"], dtype=np.int64) if "turns" in history else None
+    turns = np.asarray(history["turns"], np.int64) if "turns" in history else None
     balance = scheme.balance(system, h)
     for n in range(len(q) - 1):
         # with p = 0 the balance is -D_1 L_d - f^-, what is carried on D_2 L_d + f^+

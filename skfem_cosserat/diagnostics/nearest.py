@@ -38,14 +38,14 @@ def rigid_pieces(system: System, joined: bool = False) -> tuple[IndexArray, list
     With `joined` those that fixed joints hold together are one piece.
     """
     count = len(system.origin_rows)
-    pairs = [np.zeros((0, 2), dtype=np.int64)]
+    pairs = [np.zeros((0, 2), np.int64)]
     for group in system.beam_groups:
         first = np.broadcast_to(group.vertices[:, :1], group.vertices.shape)
         pairs.append(np.stack([first, group.vertices], axis=-1).reshape(-1, 2))
     fixed = [jr.joint for jr in system.joint_rows if jr.joint.type == "fixed" and joined]
     ends = [[system.spot(place).vertex for place in (joint.a, joint.b)] for joint in fixed]
     both = [pair for pair in ends if max(pair) < count]
-    a, b = np.concatenate([*pairs, np.array(both, dtype=np.int64).reshape(-1, 2)]).T
+    a, b = np.concatenate([*pairs, np.array(both, np.int64).reshape(-1, 2)]).T
     graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
     label = connected_components(graph, directed=False)[1]
     first = np.unique(label, return_index=True)[1]

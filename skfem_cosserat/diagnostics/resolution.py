@@ -175,7 +175,7 @@ def doubtful_steps(system: System, history: History) -> NDArray[np.bool_]:
     >>> doubtful_steps(model.freeze(), history).tolist()
     [False, False, False, False, False, False]
     """
-    out = np.zeros(len(history), dtype=bool)
+    out = np.zeros(len(history), bool)
     shares = np.abs(history.meta.get("shares") or (1.0,))
     hard = history["newton_iterations"] >= MANY + USUAL * (len(shares) - 1)
     steps = np.flatnonzero(hard | (history["attempts"] > 1))
@@ -190,7 +190,7 @@ def doubtful_steps(system: System, history: History) -> NDArray[np.bool_]:
     some = spread(len(q), STEPS)
     scale = np.full(system.rows, shares.max() ** 3 / FAR)
     scale[system.origin_rows] /= _extents(system, _beside(system, q[some], times[some]))
-    far = np.zeros(len(out) + 3, dtype=bool)  # the step to state k is in windows k to k + 2 of it
+    far = np.zeros(len(out) + 3, bool)  # the step to state k is in windows k to k + 2 of it
     for some in np.array_split(starts, len(starts) // 100 + 1):
         four = some[:, None] + np.arange(4)
         third = np.diff(_beside(system, q[four], times[four]), 3, axis=1)[:, 0]
@@ -325,4 +325,4 @@ def _windows(history: History) -> IndexArray:
         starts = np.flatnonzero(sliding_window_view(next_to, width - 1).all(axis=1))
         if len(starts):
             return starts[spread(len(starts))][:, None] + np.arange(width)
-    return np.zeros((0, 2), dtype=np.int64)
+    return np.zeros((0, 2), np.int64)

@@ -43,8 +43,8 @@ def frames(q: ArrayLike, offsets: ArrayLike) -> tuple[Floats, Floats]:
     >>> phi.tolist(), d[0, 2].tolist()
     ([[0.0, 1.0, 2.0]], [9.0, 10.0, 11.0])
     """
-    start = np.asarray(offsets, dtype=np.int64).reshape(-1, 1)
-    values = np.asarray(q, dtype=float)[..., start + np.arange(12)]
+    start = np.asarray(offsets, np.int64).reshape(-1, 1)
+    values = np.asarray(q, float)[..., start + np.arange(12)]
     return values[..., :3], _triads(values[..., 3:])
 
 
@@ -74,7 +74,7 @@ def quaternions(directors: ArrayLike) -> Floats:
     """
     from scipy.spatial.transform import Rotation  # slow to import, seldom needed
 
-    d = np.asarray(directors, dtype=float)
+    d = np.asarray(directors, float)
     turned = Rotation.from_matrix(nearest_rotations(d.reshape(-1, 3, 3))).inv()
     return turned.as_quat(True, scalar_first=True).reshape(*d.shape[:-2], 4)
 
@@ -156,7 +156,7 @@ class BeamShape:
         self.node_id = np.arange(len(self.offsets))
         section = self.section.repeat(2)
         own = self.rotations[:, [0, -1]].reshape(-1, 3, 3)
-        other = np.zeros(len(self.node_id), dtype=np.int64)
+        other = np.zeros(len(self.node_id), np.int64)
         other[flat] = np.arange(len(flat))
         last = other[flat]
         differs = abs(own - own[last]).max(axis=(1, 2)) > 1e-12
@@ -300,8 +300,8 @@ class Surface:
         self.swept: list[tuple[IndexArray, Floats]] = []
         self.caps: list[IndexArray] = []
         uses = np.bincount(shape.connectivity.ravel(), minlength=len(shape.offsets))
-        quads = [np.zeros((0, 4), dtype=np.int64)]
-        places = [np.zeros((3, 0), dtype=np.int64)]
+        quads = [np.zeros((0, 4), np.int64)]
+        places = [np.zeros((3, 0), np.int64)]
         for section, given in outlines.items():
             if not len(given):
                 continue
@@ -390,7 +390,7 @@ class BodyShape:
     def points(self, q: ArrayLike) -> Floats:
         """Corners ``(..., nv, 3)`` (velocities for rates of q), or the place ``(..., 1, 3)``."""
         if self.material is None:
-            return np.array(q, dtype=float)[..., None, self.offset : self.offset + 3]
+            return np.array(q, float)[..., None, self.offset : self.offset + 3]
         phi, d = frames(q, [self.offset])
         return phi + self.material @ d[..., 0, :, :]
 
@@ -408,7 +408,7 @@ def beam_shapes(meta: Mapping[str, Any], static: Mapping[str, Array]) -> list[Be
 
 def body_shapes(meta: Mapping[str, Any], static: Mapping[str, Array]) -> Iterator[BodyShape]:
     """All bodies, then all mass points of a history."""
-    none = np.zeros((0, 3), dtype=np.int64)
+    none = np.zeros((0, 3), np.int64)
     for kind, list_name in (("body", "bodies"), ("point", "points")):
         for entry in meta.get(list_name, []):
             name = entry["name"]

@@ -120,7 +120,7 @@ class Layer(ABC):
 
 def entry(states: States, name: str, shape: tuple[int, ...]) -> Floats:
     """Entry ``name`` of all states ``(k, *shape)``, with the shape checked (-1: any)."""
-    value = np.asarray(states[name], dtype=float)
+    value = np.asarray(states[name], float)
     own = value.shape[1:]
     if len(own) != len(shape) or any(a not in (b, -1) for a, b in zip(shape, own, strict=True)):
         raise InputError(f"row entry {name!r}", f"got shape {own}, expected {shape}")
@@ -447,7 +447,7 @@ def _array(name: str, values: Array, level: int) -> tuple[str, bytes]:
         data = values.tobytes()
     packed = zlib.compress(data, level or int(len(data) < PACKED))
     # one block, the last of whose numbers is that of bytes
-    header = np.array([1, len(data), 0, len(packed)], dtype=np.uint32).tobytes()
+    header = np.array([1, len(data), 0, len(packed)], np.uint32).tobytes()
     unit = _UNIT.format(_UNITS[name]) if name in _UNITS else ""
     tag = f'<DataArray type="{kind}" Name="{name}"{size} format="appended" offset="{{}}">{unit}'
     return f"{tag}</DataArray>\n", header + packed

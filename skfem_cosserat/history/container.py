@@ -644,7 +644,7 @@ class History(Shown):
         chosen : sequence of int
             Their numbers.
         """
-        rows = np.asarray(chosen, dtype=np.int64)
+        rows = np.asarray(chosen, np.int64)
         series = {name: values[rows] for name, values in self._series.items()}
         about = self.meta.get("segments", [])
         starts = [int(np.searchsorted(rows, min(s["row"], len(self)))) for s in about]

@@ -147,9 +147,9 @@ class Joints:
     def __init__(self, system: System, bodies: Bodies):
         self._constraints = system.constraints
         first = system.internal
-        ends = np.array([(jr.a.vertex, jr.b.vertex) for jr in system.joint_rows], dtype=np.int64)
+        ends = np.array([(jr.a.vertex, jr.b.vertex) for jr in system.joint_rows], np.int64)
         self.bodies = bodies.taken(np.intersect1d(ends, bodies.number))
-        place = np.zeros(system.total + 1, dtype=np.int64)
+        place = np.zeros(system.total + 1, np.int64)
         place[self.bodies.rows] = np.arange(self.bodies.rows.size).reshape(-1, 4)
         lengths = np.zeros((system.total, 3))
         lengths[:, 0] = 1.0
@@ -486,7 +486,7 @@ def _by_twist(group: BeamGroup, y: Array) -> tuple[BeamElements, Floats, Floats,
     eps, B = beam_strain(elements, q)
     P = null_space_blocks(q.reshape(len(q), -1, 4, 3)[:, :, 1:])
     M = P.transpose(0, 2, 1) @ group.mass @ P
-    return elements, eps, B @ P, np.asarray(np.linalg.cholesky(M), dtype=float)
+    return elements, eps, B @ P, np.asarray(np.linalg.cholesky(M), float)
 
 
 def _reduced(weighted: Floats, B: Floats, root: Floats) -> Floats:

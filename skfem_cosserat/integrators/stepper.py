@@ -455,7 +455,7 @@ class Stepper:
         due = fast is not None and fast.looped and fast.due(state, self.bound)
         if fast is not None and not (due or state.plain) and self.bound.regular:
             most = min(steps, fast.most)
-            times = np.asarray(ends(state.index + np.arange(1, most + 1)), dtype=float)
+            times = np.asarray(ends(state.index + np.arange(1, most + 1)), float)
             if self.system.moving:
                 pairs = enumerate(pairwise([state.time, *times.tolist()]))
                 times = times[: next((k for k, pair in pairs if self._ends_block(*pair)), None)]

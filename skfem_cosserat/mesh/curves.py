@@ -102,7 +102,7 @@ class CurveLine(Frozen):
 
     def point(self, s: ArrayLike) -> Floats:
         """Points (3, ...) at arc lengths s (...), in m."""
-        w = np.asarray(s, dtype=float) / self.length
+        w = np.asarray(s, float) / self.length
         return np.multiply.outer(self.start, 1.0 - w) + np.multiply.outer(self.end, w)
 
     def tangent(self, s: ArrayLike) -> Floats:
@@ -124,7 +124,7 @@ class _Winding(Frozen):
 
     def point(self, s: ArrayLike) -> Floats:
         """Points (3, ...) at arc lengths s (...), in m."""
-        turn = np.asarray(s, dtype=float) / self._reach
+        turn = np.asarray(s, float) / self._reach
         radial, around, axis = self._frame
         along = np.multiply.outer(around, self.radius * np.sin(turn))
         inward = np.multiply.outer(radial, -2.0 * self.radius * np.sin(0.5 * turn) ** 2)
@@ -133,7 +133,7 @@ class _Winding(Frozen):
 
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents (3, ...) at arc lengths s (...)."""
-        turn = np.asarray(s, dtype=float) / self._reach
+        turn = np.asarray(s, float) / self._reach
         radial, around, axis = self._frame
         speed = self.radius / self._reach
         rise = np.full(turn.shape, self._rise / self._reach)
@@ -375,7 +375,7 @@ class CurveSpline(Frozen):
 
     def _parameter(self, s: ArrayLike) -> Floats:
         """Spline parameters (...) at arc lengths s (...), by Newton's method."""
-        s = np.asarray(s, dtype=float)
+        s = np.asarray(s, float)
         grid, arcs = self._table
         k = (np.searchsorted(arcs, s, side="right") - 1).clip(0, len(grid) - 2)
         u = grid[k] + (grid[k + 1] - grid[k]) * (s - arcs[k]) / (arcs[k + 1] - arcs[k])

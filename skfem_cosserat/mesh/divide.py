@@ -77,7 +77,7 @@ def divided(mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = 
     used, first = np.unique(np.concatenate(chains), return_index=True)
     used = used[first.argsort()]
     every = np.concatenate(points, axis=1)
-    number = np.empty(every.shape[1], dtype=np.int64)
+    number = np.empty(every.shape[1], np.int64)
     number[used] = np.arange(len(used))
     parent = np.repeat([run[0] for run, _ in lines], [len(chain) - 1 for chain in chains])
     return replace(
@@ -128,12 +128,12 @@ def _runs(mesh: MeshCurve) -> list[IndexArray]:
     second = np.arange(1, ne)
     joined = t[1, :-1] == t[0, 1:]
     joined &= np.bincount(t.ravel(), minlength=mesh.p.shape[1])[t[1, :-1]] == 2
-    named = np.zeros(mesh.p.shape[1], dtype=bool)
+    named = np.zeros(mesh.p.shape[1], bool)
     for vertices in mesh.nodes.values():
         named[vertices] = True
     joined &= ~named[t[1, :-1]]
     for part in mesh.beams.values():
-        inside = np.zeros(ne, dtype=bool)
+        inside = np.zeros(ne, bool)
         inside[part] = True
         joined &= inside[first] == inside[second]
     joined &= mesh.curve_ids[first] == mesh.curve_ids[second]

@@ -150,9 +150,9 @@ def read_gmsh41(content: bytes) -> Groups:
     tags, points = [NO_INDICES], [np.zeros((0, 3))]
     for _ in range(blocks):
         dim, _, parametric, size = _integers(words, 4)
-        tags.append(np.array(_integers(words, size), dtype=np.int64))
+        tags.append(np.array(_integers(words, size), np.int64))
         width = 3 + (dim if parametric else 0)
-        numbers = np.array(list(islice(words, width * size)), dtype=float)
+        numbers = np.array(list(islice(words, width * size)), float)
         points.append(numbers.reshape(size, width)[:, :3])
     known = np.concatenate(tags)
     order = known.argsort(kind="stable")
@@ -168,7 +168,7 @@ def read_gmsh41(content: bytes) -> Groups:
         if len(part) < size:
             raise ValueError("is cut short in section $Elements")
         width = {VERTEX: 2, LINE: 3}.get(kind, -1)
-        each = np.array(" ".join(part).split(), dtype=np.int64).reshape(size, width)[:, 1:]
+        each = np.array(" ".join(part).split(), np.int64).reshape(size, width)[:, 1:]
         nodes = order[np.minimum(np.searchsorted(known, each, sorter=order), count - 1)]
         if (known[nodes] != each).any():
             raise KeyError(f"node {each[known[nodes] != each][0]}")
@@ -546,7 +546,7 @@ def _meshio(file: Path, content: bytes) -> Any:
 def _arrays(names: dict[str, list[Any]]) -> dict[str, IndexArray]:
     """Lists of arrays, each as a sorted array of different numbers."""
     return {
-        name: np.unique(np.concatenate([np.asarray(part, dtype=np.int64) for part in parts]))
+        name: np.unique(np.concatenate([np.asarray(part, np.int64) for part in parts]))
         for name, parts in names.items()
     }
 

@@ -107,7 +107,7 @@ class MappingCurve(SkfemMapping):
 
         Exact at the ends; clipped to [0, 1].
         """
-        x = np.asarray(x, dtype=float)
+        x = np.asarray(x, float)
         mesh = self.mesh
         elements = np.arange(mesh.nelements) if tind is None else np.asarray(tind)
         length = mesh.lengths[elements][:, None]
@@ -173,7 +173,7 @@ def halved_arrays(mesh: MeshCurve, marked: IndexArray) -> dict[str, Any]:
     """Fields of a mesh whose marked elements are halved; children take their parent's place."""
     ne = mesh.nelements
     nv = mesh.p.shape[1]
-    halves = np.ones(ne, dtype=np.int64)
+    halves = np.ones(ne, np.int64)
     halves[marked] = 2
     parent = np.arange(ne).repeat(halves)
     first = halves.cumsum() - halves
@@ -201,7 +201,7 @@ def halved_arrays(mesh: MeshCurve, marked: IndexArray) -> dict[str, Any]:
 
 def moved_arrays(mesh: MeshCurve, rotation: Any, shift: Any, scale: float = 1.0) -> dict[str, Any]:
     """Fields of a mesh moved by ``x -> scale * rotation @ x + shift``."""
-    turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+    turn = np.eye(3) if rotation is None else np.asarray(rotation, float)
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-12):
         raise MeshError("argument rotation", f"{turn.tolist()} is no orthogonal matrix")
     by = vector(shift, "argument shift")
@@ -241,7 +241,7 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
     kept = []
     numbers = []
     near = _near(points, limit) if weld else {}
-    meeting = np.sort(np.array(list(near), dtype=np.int64))
+    meeting = np.sort(np.array(list(near), np.int64))
     final = np.full(points.shape[1], -1)  # numbers of vertices that are kept
     start = total = 0
     for mesh in meshes:
@@ -386,8 +386,8 @@ class MeshCurve(Frozen, MeshLine1):
         MeshLine1.__post_init__(self)
         ne = self.t.shape[1]
         self.curves = tuple(self.curves)
-        ids = np.full(ne, -1) if self.curve_ids is None else np.asarray(self.curve_ids, dtype=int)
-        spans = np.zeros((2, ne)) if self.spans is None else np.array(self.spans, dtype=float)
+        ids = np.full(ne, -1) if self.curve_ids is None else np.asarray(self.curve_ids, int)
+        spans = np.zeros((2, ne)) if self.spans is None else np.array(self.spans, float)
         for item, array, shape in (("curve_ids", ids, (ne,)), ("spans", spans, (2, ne))):
             if array.shape != shape:
                 raise MeshError(f"argument {item}", f"has shape {array.shape}, expected {shape}")
@@ -529,7 +529,7 @@ class MeshCurve(Frozen, MeshLine1):
             If a last leg leads back to the first corner.
         """
         closed = switch(f"beam '{name}'", closed, "closed")
-        points = np.asarray(corners, dtype=float)
+        points = np.asarray(corners, float)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 + closed:
             raise MeshError(
                 f"beam '{name}'", f"corners have shape {points.shape}, expected (2 or more, 3)"
@@ -567,7 +567,7 @@ class MeshCurve(Frozen, MeshLine1):
         """
         curve = CurveSpline(points, closed)
         arrays = chain_arrays([curve], [curve.knots], closed)
-        arrays["doflocs"] = np.array(points, dtype=float).T
+        arrays["doflocs"] = np.array(points, float).T
         return cls._from_chain(arrays, name, nodes, closed)
 
     @classmethod
@@ -940,9 +940,9 @@ class MeshCurve(Frozen, MeshLine1):
 
     def mirrored(self, normal: VectorLike, point: VectorLike | None = None) -> Self:
         """Copy reflected at the plane with a normal (3,) through a point (3,)."""
-        n = np.asarray(normal, dtype=float)
+        n = np.asarray(normal, float)
         n = n / np.linalg.norm(n)
-        base = np.zeros(3) if point is None else np.asarray(point, dtype=float)
+        base = np.zeros(3) if point is None else np.asarray(point, float)
         return self.moved(np.eye(3) - 2.0 * np.outer(n, n), 2.0 * (n @ base) * n)
 
     # ------------------------------------------------------------------ scikit-fem's hooks
@@ -968,7 +968,7 @@ def locked(sets: Any) -> Any:
     """Named sets of numbers, in arrays of their own that cannot be written to."""
     if sets is None:
         return None
-    own = {name: np.array(numbers, dtype=np.int64) for name, numbers in sets.items()}
+    own = {name: np.array(numbers, np.int64) for name, numbers in sets.items()}
     for numbers in own.values():
         numbers.flags.writeable = False
     return own

@@ -99,7 +99,7 @@ def _neighbours(t: Array, owner: IndexArray) -> IndexArray:
     key = (t.astype(np.int64) * (owner.max() + 2) + owner + 1).T.ravel()
     order = np.argsort(key, kind="stable")
     at = key[order]
-    new = np.ones(len(at) + 1, dtype=bool)
+    new = np.ones(len(at) + 1, bool)
     new[1:-1] = at[1:] != at[:-1]
     first = np.flatnonzero(new)
     pairs = first[:-1][np.diff(first) == 2]
@@ -140,7 +140,7 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
             f" {t[end, e]}: use mesh.directed() to turn one",
         )
     successor = np.where(met[1] >= 0, met[1] // 2, -1)
-    leading = np.ones(ne, dtype=bool)
+    leading = np.ones(ne, bool)
     leading[successor[successor >= 0]] = False
     following = successor.tolist()
     used = [False] * ne
@@ -157,7 +157,7 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
                 elements.append(e)
                 e = following[e]
     heads, rings, starts = map(np.array, zip(*begun, strict=True))
-    every = np.array(elements, dtype=np.int64)
+    every = np.array(elements, np.int64)
     sort = np.lexsort((heads, rings, owner[heads]))
     count = np.diff(np.append(starts, ne))[sort]
     first = np.append(0, count.cumsum())
@@ -233,7 +233,7 @@ def check_arrays(doflocs: Any, t: Any) -> tuple[Floats, Array]:
     if wrong.any():
         e = np.argmax(wrong)
         raise MeshError(f"element {e}", f"has nodes {lines[:, e].tolist()}, the mesh has {nv}")
-    used = np.zeros(nv, dtype=bool)
+    used = np.zeros(nv, bool)
     used[lines] = True
     if not used.all():
         node = used.argmin()
@@ -517,7 +517,7 @@ def places_along(
     """Elements (m,) and reference coordinates (m,) at arc lengths s (m,) along a beam or all."""
     ids = np.arange(mesh.nelements) if beam is None else mesh.elements_of(beam)
     item = "mesh" if beam is None else f"beam '{beam}'"
-    chains = find_chains(mesh.t[:, ids], np.zeros(len(ids), dtype=np.int64), [beam or ""]).chains()
+    chains = find_chains(mesh.t[:, ids], np.zeros(len(ids), np.int64), [beam or ""]).chains()
     if len(chains) != 1:
         raise MeshError(
             item,
@@ -565,7 +565,7 @@ def element_finder(mesh: MeshCurve) -> Callable[..., Array]:
     reach = 0.5 * mesh.lengths + POSITION_TOLERANCE * mesh.size
 
     def finder(x: Array, y: Array, z: Array) -> Array:
-        found = np.empty(len(x), dtype=np.int32)
+        found = np.empty(len(x), np.int32)
         for k, place in enumerate(np.stack([x, y, z], axis=1)):
             near = np.flatnonzero(np.linalg.norm(middle.T - place, axis=1) <= reach)
             at = np.broadcast_to(place[:, None, None], (3, len(near), 1))

@@ -379,7 +379,7 @@ def _report_flips(mesh: MeshCurve, nodes: IndexArray, triads: Floats, item: str)
     flips = twist > np.pi / 2 + 1e-9
     if not flips.any():
         return
-    number = np.empty(mesh.nelements, dtype=np.int64)  # of the chain
+    number = np.empty(mesh.nelements, np.int64)  # of the chain
     number[order.elements] = np.arange(len(order.closed)).repeat(np.diff(order.first))
     for chain in np.unique(number[e[flips]]).tolist():
         own = np.flatnonzero(number[e] == chain)

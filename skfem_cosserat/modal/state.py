@@ -116,7 +116,7 @@ def resting(
             "argument spin",
             "damping in proportion to mass is a drag against space: nothing turns steadily in it",
         )
-    y = system.extend(np.asarray(q, dtype=float), start.time)
+    y = system.extend(np.asarray(q, float), start.time)
     if wrong := broken_constraint(system, y):
         raise InputError("argument state", wrong)
     for chosen in system.closure.select(y, system.kinematics.values_at(y)):

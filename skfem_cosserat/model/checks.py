@@ -80,7 +80,7 @@ def check_inertia(system: System, y: Floats, closure: Callable[[], Floats]) -> N
     linked = {v for e in tree.edges for v in (e.child, e.parent)}
     linked |= _holding(system)
     # vertices that nothing holds, all at once
-    alone = np.array([v for v in tree.free if v not in linked], dtype=np.int64)
+    alone = np.array([v for v in tree.free if v not in linked], np.int64)
     for vertices in (kin.frames, kin.points):
         free = np.intersect1d(vertices, alone)
         if len(free):

@@ -69,7 +69,7 @@ class RowsByTwists:
     def values(self, y: Array) -> Array:
         """Entries at y (total, 3)."""
         if not len(self.row):
-            return np.zeros(0, dtype=y.dtype)
+            return np.zeros(0, y.dtype)
         values = self._constraints.jacobian_values(y)[self._entries]
         # moment of a force e_c on a director: d x e_c
         arms = skew(y[self._director])[np.arange(len(self._director)), :, self._component]
@@ -153,7 +153,7 @@ class Selected:
         if not (self.pivots > SINGULAR).all():
             scaled = self.component.scale * force
             nearest = np.linalg.lstsq(self.Q1 @ self.R, scaled, rcond=SINGULAR)[0]
-            return np.asarray(nearest, dtype=float)
+            return np.asarray(nearest, float)
         return solve_triangular(self.R, self.Q1.T @ (self.component.scale * force))
 
 
@@ -290,7 +290,7 @@ class Closure:
 
     def null_pattern(self) -> tuple[IndexArray, IndexArray, int]:
         """Rows and columns of the entries of Z, and how many of the first ones are 1."""
-        apart = np.ones(self.kin.unknowns, dtype=bool)
+        apart = np.ones(self.kin.unknowns, bool)
         for c in self.components:
             apart[c.columns] = False
         single = np.flatnonzero(apart)
@@ -322,7 +322,7 @@ def _grouped(label: IndexArray, count: int) -> tuple[IndexArray, list[IndexArray
     """Place of each in its group, and the members of the groups 0 to count - 1, in order."""
     order = label.argsort(kind="stable")
     starts = np.searchsorted(label[order], np.arange(count + 1))
-    place = np.zeros(len(label), dtype=np.int64)
+    place = np.zeros(len(label), np.int64)
     known = order[: starts[-1]]
     place[known] = np.arange(len(known)) - starts[label[known]]
     return place, np.split(order, starts[1:])[:count]

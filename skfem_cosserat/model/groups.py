@@ -246,7 +246,7 @@ def nodal_group(
     """
     if not vertices:
         return None
-    number = np.array(vertices, dtype=np.int64)
+    number = np.array(vertices, np.int64)
     drag = _summed(vertices, size, drags)
     return Group(
         number[:, None],

@@ -50,7 +50,7 @@ def combination(terms: Sequence[Sequence[tuple[int, float]]]) -> tuple[IndexArra
     """Rows of y (k, r) and factors (k, 1, r) whose sums the terms are, zeros added."""
     size = max(map(len, terms), default=0)
     full = [[*t, *[(0, 0.0)] * (size - len(t))] for t in terms]
-    array = np.array(full, dtype=float).reshape(len(terms), size, 2)
+    array = np.array(full, float).reshape(len(terms), size, 2)
     return array[:, :, 0].astype(np.int64), array[:, None, :, 1].copy()
 
 
@@ -76,8 +76,8 @@ class Kinematics:
         self.unknowns = tree.count
         #: first twist number that moves each unknown row of y, and which of them are directors
         free = 4 * int(is_frame.sum()) + int((~is_frame).sum())
-        self.row_twist = np.zeros(free, dtype=np.int64)
-        self.row_is_director = np.zeros(free, dtype=bool)
+        self.row_twist = np.zeros(free, np.int64)
+        self.row_is_director = np.zeros(free, bool)
         self.row_twist[row[:nv]] = self.twist_of
         for k in (1, 2, 3):
             directors = row[:nv][is_frame] + k
@@ -112,7 +112,7 @@ class Kinematics:
         self.axis = axes[np.minimum(place, len(axes) - 1)]
         kinds = (place >= len(tree.directions)).astype(np.int8)
         joint = [*tree.coordinates.values(), *tree.driven]
-        own = np.array([c.number for c in joint], dtype=np.int64)
+        own = np.array([c.number for c in joint], np.int64)
         self.vertex[own] = [c.vertex for c in joint]
         self.axis[own] = np.array([c.axis for c in joint]).reshape(-1, 3)
         kinds[own] = [KINDS.index(c.kind) for c in joint]
@@ -193,7 +193,7 @@ class Kinematics:
 
     def rates(self, y: Array, twist: Array) -> Array:
         """``P_int(y) t``: rates of the rows of y that are unknowns."""
-        out = np.zeros((len(self.row_twist), 3), dtype=np.result_type(y, twist))
+        out = np.zeros((len(self.row_twist), 3), np.result_type(y, twist))
         omega = twist[self.frame_twist[:, 3:]]
         out[self.frame_rows] = twist[self.frame_twist[:, :3]]
         out[self.director_rows] = cross(omega[:, None, :], self.directors(y))
@@ -286,7 +286,7 @@ class TwistMap:
         """Identity of free vertices, constant shifts, turning pairs, slides."""
         kin = self.kin
         tree = kin.tree
-        own = np.array([k for v in tree.free for k in tree.own[v]], dtype=np.int64)
+        own = np.array([k for v in tree.free for k in tree.own[v]], np.int64)
         first = kin.twist_of[kin.vertex[own]] + 3 * np.isin(own, kin.numbers["rotation"])
         which, along = kin.axis[own].nonzero()
         base = kin.twist_of[shifting.vertex][:, None] + np.arange(3)
@@ -330,7 +330,7 @@ class TwistMap:
         kin = self.kin
         number = self.pair_number
         nv = len(kin.twist_of)
-        track = np.array([c.guide for c in kin.sliding], dtype=np.int64)[self._slide_of]
+        track = np.array([c.guide for c in kin.sliding], np.int64)[self._slide_of]
         on_track = np.flatnonzero(track < nv)
         guides = np.full(kin.unknowns, -1)
         for k, c in kin.tree.coordinates.items():
@@ -340,10 +340,10 @@ class TwistMap:
         pair_twist = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
         # targets, then centres, as far as they move with a vertex; which of them feel its rotation
         spots = np.concatenate([self.pair_target, self.pair_centre])
-        of_spot = np.array([s.vertex for s in self.spots], dtype=np.int64)
+        of_spot = np.array([s.vertex for s in self.spots], np.int64)
         on = np.flatnonzero(of_spot[spots] < nv)
         moving = spots[on]
-        turning = np.flatnonzero(np.array([any(s.offset) for s in self.spots], dtype=bool)[moving])
+        turning = np.flatnonzero(np.array([any(s.offset) for s in self.spots], bool)[moving])
         return _Moved(
             on_track,
             kin.twist_of[track[on_track]] + 3,
@@ -459,11 +459,11 @@ class Recursion:
         nv = len(kin.twist_of)
         edges = tree.edges
         self.own = TwistMap(kin, Pairs.of([pair for e in edges for pair in tree.own_pairs(e)]))
-        self.child = np.array([e.child for e in edges], dtype=np.int64)
-        self.parent = np.array([e.parent for e in edges], dtype=np.int64)
+        self.child = np.array([e.child for e in edges], np.int64)
+        self.parent = np.array([e.parent for e in edges], np.int64)
         self.held = self.parent < nv
-        self.roots = np.intersect1d(np.array(tree.free, dtype=np.int64), self.parent)
-        depth = np.array([tree.depth[e.child] for e in edges], dtype=np.int64)
+        self.roots = np.intersect1d(np.array(tree.free, np.int64), self.parent)
+        depth = np.array([tree.depth[e.child] for e in edges], np.int64)
         order = depth.argsort(kind="stable")
         self.levels = np.split(order, np.flatnonzero(np.diff(depth[order])) + 1)
         frame = np.array(tree.is_frame)
@@ -512,7 +512,7 @@ class Recursion:
         if np.iscomplexobj(rhs) and not np.iscomplexobj(values):
             real, imaginary = (self._solved(values, part, trans) for part in (rhs.real, rhs.imag))
             return real + 1j * imaginary
-        out = np.empty(len(rhs), dtype=np.result_type(values, rhs))
+        out = np.empty(len(rhs), np.result_type(values, rhs))
         out[self._order] = lu.solve(rhs[self._order].astype(out.dtype), trans)
         return out
 
@@ -618,14 +618,14 @@ class Recursion:
         """S (vertices, 6, 6), X (edges, 6, 6), and which columns of S there are (vertices, 6)."""
         values = self.own.values(self.own.locate(y, fixed))
         kin, own, tree = self.kin, self.own, self.kin.tree
-        place = np.zeros(kin.unknowns, dtype=np.int64)
-        used = np.zeros((len(tree.is_frame), 6), dtype=bool)
+        place = np.zeros(kin.unknowns, np.int64)
+        used = np.zeros((len(tree.is_frame), 6), bool)
         for w, numbers in enumerate(tree.own):
             place[numbers], used[w, : len(numbers)] = np.arange(len(numbers)), True
         v = self._vertex[own.rows]
-        S = np.zeros((len(tree.is_frame), 6, 6), dtype=values.dtype)
+        S = np.zeros((len(tree.is_frame), 6, 6), values.dtype)
         np.add.at(S, (v, own.rows - kin.twist_of[v], place[own.cols]), values)
-        X = np.zeros((len(self.child), 6, 6), dtype=values.dtype)
+        X = np.zeros((len(self.child), 6, 6), values.dtype)
         X[:, :3, :3] = np.eye(3)
         X[self.turns, :3, 3:] = -skew(self.arms(y))
         X[self.relative, 3:, 3:] = np.eye(3)

@@ -229,7 +229,7 @@ def first_over_rotated(system: System, states: Floats) -> int | None:
     """The first of some states (N, rows, 3) in which :func:`over_rotated` finds an element."""
     first = 0
     for some in np.array_split(states, len(states) // 100 + 1):
-        bent = np.zeros(len(some), dtype=bool)
+        bent = np.zeros(len(some), bool)
         for beam in system.beams:
             limit = beam.basis.interpolation.turn_limit
             bent |= (_rotated(beam, _nodal(system, beam, some)) / limit > 1.0).any(1)

@@ -151,9 +151,9 @@ class Loading:
         return int(np.searchsorted(self._frame_group.vertices[:, 0], vertex))
 
     def _set_moments(self, moments: list[tuple[int, int, bool, Floats]]) -> None:
-        self._moment_channel = np.array([m[0] for m in moments], dtype=np.int64)
-        self._moment_block = np.array([m[1] for m in moments], dtype=np.int64)
-        self._moment_follows = np.array([m[2] for m in moments], dtype=bool)
+        self._moment_channel = np.array([m[0] for m in moments], np.int64)
+        self._moment_block = np.array([m[1] for m in moments], np.int64)
+        self._moment_follows = np.array([m[2] for m in moments], bool)
         self._moment_value = np.array([m[3] for m in moments]).reshape(-1, 3)
         if moments:
             assert self._frame_group is not None
@@ -233,7 +233,7 @@ class Loading:
     @cached_property
     def dead_channels(self) -> IndexArray:
         """Channels of the dead loads."""
-        return np.array(self._dead_times, dtype=np.int64)
+        return np.array(self._dead_times, np.int64)
 
     def strains(self, group: BeamGroup, factors: Floats) -> Floats:
         """Strains without stress (N, ne, ng, 6) of beams, for factors (N, channels)."""
@@ -247,7 +247,7 @@ class Loading:
     @property
     def followers(self) -> Followers:
         """Forces fixed in bodies and sections, frame by frame."""
-        vertices = [np.zeros((0, 2), dtype=np.int64)]
+        vertices = [np.zeros((0, 2), np.int64)]
         channels = [NO_INDICES]
         values = [np.zeros((0, 4, 4))]
         for channel, number, ids, block in self._followers:
@@ -291,7 +291,7 @@ class Loading:
 
     def force(self, y: Array, amplitudes: Floats) -> Array:
         """Generalised force (rows, 3) of the loads that depend on y (follower forces, moments)."""
-        out = np.zeros((self._rows, 3), dtype=y.dtype)
+        out = np.zeros((self._rows, 3), y.dtype)
         for channel, number, ids, block in self._followers:
             rows = self._group(number).rows[ids]
             np.add.at(out, rows, amplitudes[channel] * (block @ y[rows]))

@@ -116,9 +116,9 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     joining += system.couplings.own
     sides = [[system.row_of(side) for side in c.sides()] for c in joining]
     ends = [pair for each in sides for pair in pairwise(each)]
-    pairs = np.array(ends, dtype=np.int64).reshape(-1, 2)
+    pairs = np.array(ends, np.int64).reshape(-1, 2)
     inside = (pairs < rows).all(axis=1)
-    grounded = np.ones(len(g.cols), dtype=bool)
+    grounded = np.ones(len(g.cols), bool)
     grounded[own] = False
     tied = np.concatenate([rows + g.rows[grounded], pairs[~inside][pairs[~inside] < rows]])
     return _connected(np.concatenate([*links, pairs[inside]]), tied, rows, rows + system.m)

@@ -28,7 +28,7 @@ def _table(
     terms: Sequence[tuple[float, ...]], count: int, begun: Floats | None = None
 ) -> tuple[list[IndexArray], Floats]:
     """Columns of numbers, and the factors in the last one; those `begun` with come first."""
-    array = np.array(terms, dtype=float).reshape(-1, count + 1)
+    array = np.array(terms, float).reshape(-1, count + 1)
     if begun is not None:
         array = np.concatenate([begun, array])
     return [array[:, k].astype(np.int64) for k in range(count)], array[:, count].copy()
@@ -139,10 +139,10 @@ class QuadraticConstraints:
         self._lc = lc[:, None]
         self._pk, self._pa, self._pb = products
         self._pc = pc[:, None]
-        self._driven = np.array(sorted(builder.amplitudes), dtype=np.int64)
+        self._driven = np.array(sorted(builder.amplitudes), np.int64)
         where = [builder.amplitudes[k] for k in sorted(builder.amplitudes)]
-        self._drive_row = np.array([w[0] for w in where], dtype=np.int64)
-        self._drive_component = np.array([w[1] for w in where], dtype=np.int64)
+        self._drive_row = np.array([w[0] for w in where], np.int64)
+        self._drive_component = np.array([w[1] for w in where], np.int64)
         dots = (self._factors(reference) * reference[self._pa] * reference[self._pb]).sum(1)
         self._constant = np.bincount(self._pk, dots, m)
         self._other = np.concatenate([self._pb, self._pa])
@@ -188,7 +188,7 @@ class QuadraticConstraints:
         """Factors (products, 1), some prescribed in time by ground rows of y."""
         if not len(self._driven):
             return self._pc
-        out = np.array(self._pc, dtype=y.dtype)
+        out = np.array(self._pc, y.dtype)
         out[self._driven, 0] *= y[self._drive_row, self._drive_component]
         return out
 
@@ -212,7 +212,7 @@ class QuadraticConstraints:
             linear = rate[self._la]
         out = np.bincount(self._pk, abs(self._pc[:, 0]) * products, self.size)
         terms = np.repeat(abs(self._lc[:, 0]) * linear, 3)
-        return np.asarray(out + np.bincount(self._lk, terms, self.size), dtype=float)
+        return np.asarray(out + np.bincount(self._lk, terms, self.size), float)
 
     def jacobian_values(self, y: Array) -> Array:
         """Contributions to G at ``(G_rows, G_cols)``, ground columns left out."""

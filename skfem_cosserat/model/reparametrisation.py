@@ -38,14 +38,12 @@ class _Drives:
 
     def __init__(self, kin: Kinematics, coordinates: Sequence[Coordinate]):
         self.where = np.array(
-            [i for i, c in enumerate(coordinates) if c.drive is not None], dtype=np.int64
+            [i for i, c in enumerate(coordinates) if c.drive is not None], np.int64
         )
         drives = [c.drive for c in coordinates if c.drive is not None]
-        self.rows = kin.row[np.array(drives, dtype=np.int64)]
-        self.free = np.array(
-            [i for i, c in enumerate(coordinates) if c.drive is None], dtype=np.int64
-        )
-        self.numbers = np.array([coordinates[i].number for i in self.free], dtype=np.int64)
+        self.rows = kin.row[np.array(drives, np.int64)]
+        self.free = np.array([i for i, c in enumerate(coordinates) if c.drive is None], np.int64)
+        self.numbers = np.array([coordinates[i].number for i in self.free], np.int64)
 
     def ends(self, y0: Array, ground1: Array, total: int) -> tuple[Floats, Floats]:
         """Rows (cos, sin, value) of the drives at both ends of a step."""
@@ -95,7 +93,7 @@ class Reparametrisation:
     def _prepare_turns(self) -> None:
         """Rotation vectors of free frames, arms on spheres and hinges: numbers and factors."""
         # a driven hinge has a factor of zero
-        hinges = np.zeros(len(self.kin.guided), dtype=np.int64)
+        hinges = np.zeros(len(self.kin.guided), np.int64)
         hinges[self._hinges.free] = self._hinges.numbers
         self._hinge_free = np.zeros((len(hinges), 1))
         self._hinge_free[self._hinges.free] = 1.0
@@ -113,8 +111,8 @@ class Reparametrisation:
         kin = self.kin
         tree = self.kin.tree
         ends = [(e.child, e.parent, tree.depth[e.child]) for e in tree.edges]
-        child, parent, depth = np.array(ends, dtype=np.int64).reshape(-1, 3).T
-        turned = np.array([e.freedom.turns is not None for e in tree.edges], dtype=bool)
+        child, parent, depth = np.array(ends, np.int64).reshape(-1, 3).T
+        turned = np.array([e.freedom.turns is not None for e in tree.edges], bool)
         turned &= np.isin(child, kin.frames)
         self._relative = [tree.edges[k] for k in np.flatnonzero(turned)]
         number = {c.number: i for i, c in enumerate(kin.guided)}
@@ -144,7 +142,7 @@ class Reparametrisation:
             which, number = self._layers[0]
             self._of_relative[which] = a + number
         #: by row: of shifted rows, directors, ground
-        self._of_row = np.zeros(kin.total, dtype=np.int64)
+        self._of_row = np.zeros(kin.total, np.int64)
         rows = [self._shift_rows, kin.director_rows.ravel()]
         rows.append(np.arange(len(kin.row_twist), kin.total))
         rows_of = np.concatenate(rows)
@@ -165,9 +163,9 @@ class Reparametrisation:
             ]
         )
         place = {e.child: i for i, e in enumerate(edges)}
-        self._sphere_at = np.array([place[e.child] for e in self._sphere_edges], dtype=np.int64)
-        self._open_at = np.array([place[e.child] for e in self._open_edges], dtype=np.int64)
-        self._guide = np.array([e.guide for e in self._open_edges], dtype=np.int64)
+        self._sphere_at = np.array([place[e.child] for e in self._sphere_edges], np.int64)
+        self._open_at = np.array([place[e.child] for e in self._open_edges], np.int64)
+        self._guide = np.array([e.guide for e in self._open_edges], np.int64)
         number = {c.number: i for i, c in enumerate(kin.sliding)}
         self._slides = _layers([tree.slides[e.child] for e in self._open_edges], number)
 
@@ -298,5 +296,5 @@ def _layers(
         which = [i for i, coordinates in enumerate(each) if len(coordinates) > k]
         ids = [number[each[i][k].number] for i in which]
         if which:
-            out.append((np.array(which, dtype=np.int64), np.array(ids, dtype=np.int64)))
+            out.append((np.array(which, np.int64), np.array(ids, np.int64)))
     return out

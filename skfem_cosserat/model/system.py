@@ -515,7 +515,7 @@ class System(Pictured):
         >>> system.independent_rows(system.extend(system.q0, 0.0)).tolist()
         [True, True, True, True, True, True]
         """
-        keep = np.ones(self.m, dtype=bool)
+        keep = np.ones(self.m, bool)
         closure = self.joint_coordinates.closure
         if len(closure.rows):
             keep[closure.rows] = False
@@ -604,7 +604,7 @@ class System(Pictured):
         """
         if q.size != self.n:
             raise InputError("argument q", f"has shape {q.shape}, expected ({self.n},)")
-        y = np.empty((self.total, 3), dtype=q.dtype)
+        y = np.empty((self.total, 3), q.dtype)
         y[: self.rows] = q.reshape(-1, 3)
         y[self.rows :] = self.grounds.at(t)
         return y

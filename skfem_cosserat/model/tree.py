@@ -156,7 +156,7 @@ class Pairs(NamedTuple):
     @classmethod
     def of(cls, each: Sequence[tuple[int, int, int, bool]]) -> Pairs:
         """From one after the other."""
-        vertex, number, target, rotates = np.array(each, dtype=np.int64).reshape(-1, 4).T
+        vertex, number, target, rotates = np.array(each, np.int64).reshape(-1, 4).T
         return cls(vertex, number, target, rotates.astype(bool))
 
     @classmethod

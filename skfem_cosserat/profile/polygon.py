@@ -66,7 +66,7 @@ def _encroached(points: Floats, segments: IndexArray, by: Floats) -> IndexArray:
 def _apart(centres: Floats, radii: Floats) -> IndexArray:
     """Centres that keep a distance from all taken before them: they can be added together."""
     close = cKDTree(centres).query_ball_point(centres, 0.8 * radii)
-    taken = np.zeros(len(centres), dtype=bool)
+    taken = np.zeros(len(centres), bool)
     for k, others in enumerate(close):
         taken[k] = not taken[others].any()
     return np.flatnonzero(taken)

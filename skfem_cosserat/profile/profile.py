@@ -186,7 +186,7 @@ class Profile(Frozen):
             index = _assigned(self.item, mesh, list(material))
             materials = list(material.values())
         else:
-            index = np.zeros(mesh.nelements, dtype=np.int64)
+            index = np.zeros(mesh.nelements, np.int64)
             materials = [material]
         elasticities = [elasticity(each) for each in materials]
         first = [materials.index(each) for each in materials]  # given several times: once
@@ -369,7 +369,7 @@ def _refined(mesh: Mesh, index: IndexArray, marked: IndexArray) -> tuple[Mesh, I
     bits = range(mesh.nelements.bit_length())
     tagged = straight.with_subdomains({str(k): np.flatnonzero(number >> k & 1) for k in bits})
     finer = tagged.refined(marked) if mesh.t.shape[0] == 3 else tagged.refined()
-    parent = np.zeros(finer.nelements, dtype=np.int64)
+    parent = np.zeros(finer.nelements, np.int64)
     for k in bits:
         parent[finer.subdomains[str(k)]] += 1 << k
     return (_bent(mesh, straight, finer, parent) if curved else finer), index[parent]

@@ -22,7 +22,7 @@ def _lines(ends: Floats) -> tuple[Floats, IndexArray]:
     size = np.ptp(ends)
     order = ends.argsort(axis=None)
     new = np.diff(ends.ravel()[order], prepend=-np.inf) > 1e-9 * size
-    place = np.empty(ends.size, dtype=np.int64)
+    place = np.empty(ends.size, np.int64)
     place[order] = new.cumsum() - 1
     return ends.ravel()[order][new], place.reshape(ends.shape)
 
@@ -128,7 +128,7 @@ class ProfileRectangle(ProfileRectangles):
         x = a / 2
         y = b / 2
         mesh, names = _grid(
-            np.array([-x, 0, x]), np.array([-y, 0, y]), np.zeros((2, 2), dtype=int), min(a, b)
+            np.array([-x, 0, x]), np.array([-y, 0, y]), np.zeros((2, 2), int), min(a, b)
         )
         Profile.__init__(self, mesh, {names[0]: material})
 
@@ -331,7 +331,7 @@ def _rings(radii: Floats, segments: int) -> tuple[MeshTri2, list[str]]:
         p, t = _disk(segments // 6)
         points.append(radii[1] * p)
         triangles.append(t)
-        owners.append(np.zeros(t.shape[1], dtype=int))
+        owners.append(np.zeros(t.shape[1], int))
         first = 1
         inner = p.shape[1] - segments
     else:

@@ -413,7 +413,7 @@ class EventMonitor:
         anew = [
             value != done.get(each.name) for each, value in zip(self.events, self._now, strict=True)
         ]
-        self._pass(self._last, self._numbers, np.array(anew, dtype=bool))
+        self._pass(self._last, self._numbers, np.array(anew, bool))
 
     @property
     def _now(self) -> list[float]:

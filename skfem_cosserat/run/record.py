@@ -252,7 +252,7 @@ class Record:
             np.array([state.index]),
             state.q[None],
             state.p[None],
-            (np.zeros(turns, dtype=np.int64) if state.turns is None else state.turns)[None],
+            (np.zeros(turns, np.int64) if state.turns is None else state.turns)[None],
             (none if state.rates is None else state.rates)[None],
             np.array([size]),
             np.array([[0, 1]]),

@@ -159,7 +159,7 @@ class PathRecorder:
         self.notices = notices
         self.count = 0
         self._work = 0.0
-        self._spent = np.zeros(2, dtype=np.int64)
+        self._spent = np.zeros(2, np.int64)
         self._before: tuple[Floats, Floats] | None = None
 
     def take(
@@ -196,7 +196,7 @@ class PathRecorder:
             "p": zero,
             "carried": zero,
             "fresh": 1.0,
-            "constraint_force": np.asarray(force, dtype=float),
+            "constraint_force": np.asarray(force, float),
             "load_factor": float(point.t),
             "unstable": -1 if stability is None else stability.unstable,
             "critical": CODES[kind],
@@ -209,7 +209,7 @@ class PathRecorder:
             "amplitudes/spin": amplitudes.turning,
         }
         if system.couplings.angles:
-            none = np.zeros(len(system.couplings.angles), dtype=np.int64)
+            none = np.zeros(len(system.couplings.angles), np.int64)
             row["turns"] = none if point.turns is None else point.turns
         self.writer.append(row)
         self.count += 1

@@ -547,7 +547,7 @@ class CompiledEquations(CompiledScene):
         arrays = self._residuals, self._increments, self._pivots
         given = structure("equilibrium", dict(zip(EQUILIBRIUM, (*self._all, *arrays), strict=True)))
         self._kernels = {name: entry("static", name, given, source) for name in KERNELS}
-        self._turning = np.zeros((each, 6), dtype=bool)
+        self._turning = np.zeros((each, 6), bool)
         self._turning[:count] = self._tree["turning"]
         self._units = np.where(self._turning, 1.0, 1 / system.length)
         self._units[count:] = 0.0
