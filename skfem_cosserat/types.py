@@ -18,6 +18,8 @@ from .errors import InputError
 Array: TypeAlias = NDArray[Any]
 Floats: TypeAlias = NDArray[np.float64]
 IndexArray: TypeAlias = NDArray[np.int64]
+#: What is known of a result, by names: numbers, texts, lists and mappings of them.
+Meta: TypeAlias = dict[str, Any]
 #: Numbers of nothing.
 NO_INDICES: IndexArray = np.zeros(0, np.int64)
 #: The name of a file or folder.

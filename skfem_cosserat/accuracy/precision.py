@@ -15,9 +15,9 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import Diverged, InputError, JobError
-from ..export.table import Report, ResultTable, provenance
+from ..export.table import Report, ResultTable, TableRow, provenance
 from ..history import History
-from ..types import FilePath, names_known, positive
+from ..types import FilePath, Meta, names_known, positive
 from ..warn import told
 from .chart import Drawn, Row, pareto, precision_chart
 from .orders import euclidean
@@ -276,9 +276,9 @@ class PrecisionTable(Report):
     failed: fails: diverged (ZeroDivisionError: no step left)
     """
 
-    rows: list[dict[str, Any]]
+    rows: list[TableRow]
     reference_errors: dict[str, float]
-    notes: dict[str, Any]
+    notes: Meta
 
     @classmethod
     def read(cls, path: FilePath) -> PrecisionTable:
@@ -315,7 +315,7 @@ class PrecisionTable(Report):
         bad = [row for row in self.rows if row["status"] != "ok"]
         return {row["label"]: f"{row['status']} ({row['reason']})" for row in bad}
 
-    def points(self, quantity: str, group: str | None = None) -> list[dict[str, Any]]:
+    def points(self, quantity: str, group: str | None = None) -> list[TableRow]:
         """Rows with an error of the quantity and a cost, of one group or all.
 
         Raises
@@ -487,8 +487,8 @@ class Front(NamedTuple):
     """
 
     quantity: str
-    cheapest: dict[float, dict[str, Any] | None]
-    points: list[dict[str, Any]]
+    cheapest: dict[float, TableRow | None]
+    points: list[TableRow]
     floor: float
 
     @property
@@ -530,8 +530,8 @@ class Level(NamedTuple):
 
     group: str
     error: float
-    theirs: dict[str, Any]
-    ours: dict[str, Any] | None
+    theirs: TableRow
+    ours: TableRow | None
     judged: bool
 
     @property
@@ -590,9 +590,7 @@ def _kind_by(what: str, row: Row) -> str:
     return str(row[what] or row["label"])
 
 
-def _cheapest(
-    points: Iterable[dict[str, Any]], quantity: str, error: float
-) -> dict[str, Any] | None:
+def _cheapest(points: Iterable[TableRow], quantity: str, error: float) -> TableRow | None:
     key = f"error_{quantity}"
     reach = [row for row in points if row[key] <= error]
     return min(reach, key=lambda row: (row["cost_s"], row[key]), default=None)
@@ -754,7 +752,7 @@ class _PrecisionStudy:
             state, reason = self.failed[outcome.name]
             raise InputError("argument reference", f"its run failed: {reason or state}")
 
-    def table(self, outcomes: dict[str, Outcome], notes: dict[str, Any]) -> PrecisionTable:
+    def table(self, outcomes: dict[str, Outcome], notes: Meta) -> PrecisionTable:
         """Errors of all setups that have any."""
         self.outcomes = outcomes
         for setup in self.setups:
@@ -827,7 +825,7 @@ class _PrecisionStudy:
                 self.failed[label] = "error", in_words(comparing.error)
                 del self.samples[label]
 
-    def _row(self, setup: Setup, names: list[str], errors: dict[str, float]) -> dict[str, Any]:
+    def _row(self, setup: Setup, names: list[str], errors: dict[str, float]) -> TableRow:
         outcome = self.outcomes[setup.label]
         measured = outcome.value if outcome.ok else Measured(None, ())
         state, reason = self.failed.get(setup.label, ("ok", ""))

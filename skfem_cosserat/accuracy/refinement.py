@@ -15,10 +15,10 @@ import skfem
 from ..arguments import checked
 from ..errors import InputError
 from ..export import write_paraview
-from ..export.table import WIDE, Report, ResultTable, column_names, provenance
+from ..export.table import WIDE, Report, ResultTable, TableRow, column_names, provenance
 from ..history import History
-from ..types import Array, FilePath, Floats, check_kind, positive, switch, whole
-from ..warn import counted, told
+from ..types import Array, FilePath, Floats, Meta, check_kind, positive, switch, whole
+from ..warn import Notice, counted, told
 from .chart import Line, convergence_chart
 from .orders import ROUNDING, Convergence, convergence, left
 from .reading import (
@@ -287,7 +287,7 @@ class Refinement(Report):
     orders: dict[str, Convergence]
     values: dict[str, dict[str, Array]]
     held: dict[str, list[Held]]
-    notes: dict[str, Any]
+    notes: Meta
 
     @property
     def verdicts(self) -> dict[str, str]:
@@ -334,12 +334,12 @@ class Refinement(Report):
         }
 
     @property
-    def warnings(self) -> dict[str, Sequence[dict[str, Any]]]:
+    def warnings(self) -> dict[str, Sequence[Notice]]:
         """Warnings of each level that gave some, as in ``history.meta["warnings"]``."""
         return {name: each.warnings for name, each in self.outcomes.items() if each.warnings}
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[TableRow]:
         """One row a level, also of those that failed.
 
         With ``series``, the arguments, ``size``, ``status`` (``ok``, ``diverged``, ``error``,
@@ -350,9 +350,9 @@ class Refinement(Report):
         """
         return [self._row(s, *each) for s in self.series for each in enumerate(s.levels)]
 
-    def _row(self, series: Series, k: int, level: str) -> dict[str, Any]:
+    def _row(self, series: Series, k: int, level: str) -> TableRow:
         outcome = self.outcomes[level]
-        row: dict[str, Any] = {"series": series.label} if len(self.series) > 1 else {}
+        row: TableRow = {"series": series.label} if len(self.series) > 1 else {}
         for name, value in series.levels[level].items():
             row[name] = value if isinstance(value, (int, float)) else text(value)
         row |= {

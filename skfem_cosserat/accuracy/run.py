@@ -40,7 +40,7 @@ from ..frames import Item
 from ..history import History
 from ..types import FilePath, positive, switch, whole
 from ..version import VERSION
-from ..warn import Notices, counted, logger, repeat, sum_up, warn
+from ..warn import Notice, Notices, counted, logger, repeat, sum_up, warn
 
 # -- jobs and their outcomes -----------------------------------------------------------------------
 
@@ -123,7 +123,7 @@ class Outcome:
     error: Exception | None = None
     seconds: float = float("nan")
     traceback: str = ""
-    warnings: Sequence[dict[str, Any]] = ()
+    warnings: Sequence[Notice] = ()
 
     @property
     def ok(self) -> bool:

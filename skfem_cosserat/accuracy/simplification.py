@@ -16,14 +16,14 @@ from ..beam import Beam
 from ..constraints import NullSpace
 from ..diagnostics import section_strains
 from ..errors import CosseratError
-from ..export.table import ResultTable, provenance
+from ..export.table import ResultTable, TableRow, provenance
 from ..kernels import beam_stress
 from ..load import Load
 from ..model import Model, Planar, planarity
 from ..statics import LoadControl, static
 from ..theory import Theory, TheoryInextensible, TheoryKirchhoff, TheoryRigid
 from ..time_function import Constant
-from ..types import Floats
+from ..types import Floats, Meta
 from ..warn import Notices
 from .scene import Case, Run, Scene
 
@@ -62,14 +62,14 @@ class Simpler:
         Numbers of the run that suggest what is tried.
     """
 
-    rows: list[dict[str, Any]]
+    rows: list[TableRow]
     model: Model | None
     step: float
     planar: Planar | None
     statics: bool
     change: float
     cost_s: float
-    notes: dict[str, Any]
+    notes: Meta
 
     @property
     def table(self) -> ResultTable:
@@ -127,7 +127,7 @@ def simplified(scene: Scene, run: Run, case: Case, band: Mapping[str, float]) ->
     together = _combined(case, taken)
     row, found = _tried(scene, run, together) if taken else ({"change": 0.0}, None)
     fits = found is not None and row["change"] <= room
-    notes: dict[str, Any] = {"kinetic energy (J)": float(run.history["kinetic"].max())}
+    notes: Meta = {"kinetic energy (J)": float(run.history["kinetic"].max())}
     for name, parts in energies.items():
         notes[f"energy of {name} (J)"] = {kind: float(each.max()) for kind, each in parts.items()}
     return Simpler(
@@ -230,7 +230,7 @@ def _combined(case: Case, trials: Sequence[_Trial]) -> _Trial:
     return _Trial("", "", together, theories, any(trial.statics for trial in trials), plane)
 
 
-def _tried(scene: Scene, run: Run, trial: _Trial) -> tuple[dict[str, Any], Run | None]:
+def _tried(scene: Scene, run: Run, trial: _Trial) -> tuple[TableRow, Run | None]:
     """The row of a trial, and its run.
 
     A run that takes longer than the one it is compared with is made twice: the first one of its

@@ -14,7 +14,7 @@ import numpy as np
 from ..arguments import checked
 from ..diagnostics.resolution import ALTERNATES, MOST_OFF
 from ..errors import Diverged, InputError, JobError
-from ..export.table import Report, ResultTable, provenance
+from ..export.table import Report, ResultTable, TableRow, provenance
 from ..history import History
 from ..model.limits import FAR_TURN
 from ..newton import NewtonSettings
@@ -410,7 +410,7 @@ class Map(Report):
         return np.array(values, kind).reshape(self.cells.shape)
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[TableRow]:
         """One row a cell: parameters, verdict, seconds; a number that a cell lacks is NaN."""
         names = list(self.numbers)
         cells = zip(product(*self.axes.values()), self.cells.flat, self.seconds.flat, strict=True)

@@ -20,7 +20,7 @@ from ..model import Model, System, model_of
 from ..notebook import Shown
 from ..statics import Control
 from ..types import TOLERANCE, Array, Floats, positive
-from ..warn import Notices, counted, repeat
+from ..warn import Notice, Notices, counted, repeat
 from .orders import left
 from .scene import Asked, Case, NotHere, Run, Scene
 from .simplification import Simpler, simplified
@@ -92,7 +92,7 @@ class Answer(Shown):
     runs: int
     cost_s: float
     cost_of_run_s: float
-    warnings: list[dict[str, Any]]
+    warnings: list[Notice]
     tolerance: dict[str, float]
     _of: tuple[Scene, Run, Case] | None
 
@@ -501,7 +501,7 @@ def _largest(distances: Mapping[str, tuple[Floats, Floats]]) -> dict[str, float]
     return {name: float(gap.max(initial=0.0)) for name, (_, gap) in distances.items()}
 
 
-def _told(history: History) -> list[dict[str, Any]]:
+def _told(history: History) -> list[Notice]:
     """Warnings of a run; and of an equilibrium that motions lead away from."""
     found = list(history.meta.get("warnings", []))
     if "unstable" in history and history["unstable"][-1] > 0:

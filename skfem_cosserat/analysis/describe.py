@@ -49,7 +49,7 @@ from ..model.fingerprint import fingerprint, other_model
 from ..model.groups import lumped
 from ..model.theories import theory_of
 from ..time_function import of_the_user
-from ..types import Array, FilePath, Floats, IndexArray, names_known
+from ..types import Array, FilePath, Floats, IndexArray, Meta, names_known
 from ..version import VERSION
 from ..warn import Notices, warn
 
@@ -61,9 +61,9 @@ if TYPE_CHECKING:
 _installed = cache(version)
 
 
-def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
+def describe(system: System) -> tuple[Meta, dict[str, Floats]]:
     """Names and constant arrays of a system, as a history keeps them."""
-    meta: dict[str, Any] = {
+    meta: Meta = {
         "versions": {
             "skfem_cosserat": VERSION,
             "scikit-fem": _installed("scikit-fem"),
@@ -144,7 +144,7 @@ def recorded_turns(system: System, history: History, index: int = -1) -> IndexAr
 
 
 def _describe_lump(
-    system: System, item: RigidBody | MassPoint, meta: dict[str, Any], static: dict[str, Any]
+    system: System, item: RigidBody | MassPoint, meta: Meta, static: dict[str, Any]
 ) -> None:
     """A body or mass point, also one that is attached to a node: it moves with that frame."""
     if isinstance(item, RigidBody):

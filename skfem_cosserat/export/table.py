@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -23,9 +23,11 @@ from ..arguments import checked
 from ..errors import InputError, writing
 from ..history import History, SensorRecord
 from ..history.file import plain
-from ..types import Array, FilePath, Floats
+from ..types import Array, FilePath, Floats, Meta
 from ..version import VERSION
 
+#: values of a row by the names of columns
+TableRow: TypeAlias = dict[str, Any]
 #: numbers per state above which a quantity is not in a table unless named
 WIDE = 6
 _PROVENANCE = ("integrator", "treatment", "step", "kernels", "versions", "status")
@@ -189,7 +191,7 @@ COMMIT = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--ab
 
 
 @checked
-def provenance(folder: FilePath | None = None) -> dict[str, Any]:
+def provenance(folder: FilePath | None = None) -> Meta:
     """Versions, machine, commit and threads, now.
 
     Parameters

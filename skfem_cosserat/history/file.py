@@ -20,7 +20,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import FULL, HistoryError, IncompleteWarning, InputError, StorageError
-from ..types import Array, FilePath, file_path, switch
+from ..types import Array, FilePath, Meta, file_path, switch
 from ..warn import warn
 
 # -- what a history keeps of an event --------------------------------------------------------------
@@ -464,9 +464,9 @@ class _Scan:
                 self._blame(f"{kind} from number {first} on")
         return sound
 
-    def _metadata(self, db: sqlite3.Connection) -> dict[str, Any]:
+    def _metadata(self, db: sqlite3.Connection) -> Meta:
         """Metadata of as many states as there are."""
-        meta: dict[str, Any] = {}
+        meta: Meta = {}
         if not self.of("head"):
             raise HistoryError(self.item, "damaged: its head is gone, nothing can be recovered")
         for piece in self.of("head", "note", "tail"):
@@ -572,7 +572,7 @@ def empty_series() -> dict[str, Array]:
 
 def load_file(
     path: FilePath, recover: bool = False
-) -> tuple[dict[str, Any], dict[str, Array], Mapping[str, Array], Mapping[str, Array]]:
+) -> tuple[Meta, dict[str, Array], Mapping[str, Array], Mapping[str, Array]]:
     """Read ``meta``, static arrays, series, and arrays of sensors of a file.
 
     Series and arrays of sensors are read when they are asked for.
@@ -600,7 +600,7 @@ def load_file(
 
 
 @checked
-def read_meta(path: FilePath) -> dict[str, Any]:
+def read_meta(path: FilePath) -> Meta:
     """Metadata of a history file and the number of its ``states``, without reading the arrays.
 
     Parameters
@@ -634,7 +634,7 @@ def read_meta(path: FilePath) -> dict[str, Any]:
 
 def save_file(
     path: FilePath,
-    meta: dict[str, Any],
+    meta: Meta,
     static: Mapping[str, Array],
     series: Mapping[str, Array],
     sensors: Mapping[str, Array],

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
-from ..types import Array, FilePath
+from ..types import Array, FilePath, Meta
 from ..warn import warn
 from .container import History
 from .file import (
@@ -106,7 +106,7 @@ class HistoryWriter:
         return self._closed
 
     @property
-    def meta(self) -> dict[str, Any]:
+    def meta(self) -> Meta:
         """A copy of the meta data so far, with the status."""
         return dict(self._meta)
 

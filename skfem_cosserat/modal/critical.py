@@ -22,7 +22,7 @@ from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..model.force_elements import CoupledForce
 from ..model.limits import owner
 from ..types import SAME, Floats, finite, numbered
-from ..warn import Notices, counted, told
+from ..warn import Notice, Notices, counted, told
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, resting
 from .vibration import Animated, checked_count, led
@@ -66,7 +66,7 @@ class Buckling(Animated):
     response: Floats
     factorisations: int
     _at: Equilibrium
-    warnings: list[dict[str, Any]] = field(default_factory=list)
+    warnings: list[Notice] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.factors)

@@ -20,7 +20,7 @@ from ..model.balance import Amplitudes, Spin
 from ..model.loops import moved
 from ..notebook import Shown
 from ..types import Array, FilePath, Floats, is_whole, largest, numbered, positive, whole
-from ..warn import Notices, counted, told
+from ..warn import Notice, Notices, counted, told
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
 
@@ -229,7 +229,7 @@ class Modes(Animated):
     t: float
     factorisations: int
     _at: Equilibrium
-    warnings: list[dict[str, Any]] = field(default_factory=list)
+    warnings: list[Notice] = field(default_factory=list)
 
     def called(self, index: int) -> str:
         """Its number and frequency."""

@@ -40,7 +40,7 @@ from ..types import (
     numbers,
     real,
 )
-from ..warn import Notices
+from ..warn import Notice, Notices
 from .checks import (
     JointRows,
     check_drives,
@@ -200,7 +200,7 @@ class System(Pictured):
         copies: Replacements | None = None,
     ):
         #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
-        self.warnings: list[dict[str, Any]] = []
+        self.warnings: list[Notice] = []
         self.scene = scene
         #: of joints' coordinates, made when they are asked for
         self.readings: dict[tuple[int, str | None], Any] = {}
@@ -758,9 +758,7 @@ def listed(labels: Sequence[str]) -> str:
     return ", ".join(labels[:SHOWN]) + (f" and {more} more" if more > 0 else "") or "nothing"
 
 
-def _made(
-    items: Sequence[Any], plane: Plane | None, known: Sequence[dict[str, Any]] = ()
-) -> System:
+def _made(items: Sequence[Any], plane: Plane | None, known: Sequence[Notice] = ()) -> System:
     with Notices(quiet=True, alone=True):  # said when it was made first
         system = System(*items)
         if plane is not None:

@@ -29,7 +29,7 @@ from ..model import System, takes_scene
 from ..model.fingerprint import fingerprint, other_model
 from ..model.limits import broken_constraint
 from ..time_function import Constant
-from ..types import FilePath, Floats, IndexArray, check_kind, numbers, positive
+from ..types import FilePath, Floats, IndexArray, Meta, check_kind, numbers, positive
 from ..warn import Notices, logger, warn
 from .plan import StepControl
 from .sensors import Sensor, SensorBank, checked_sensors
@@ -199,7 +199,7 @@ class Record:
         self.segments = [Segment(0, self.system)]
         self.events = list[EventRecord]()
         #: metadata of the history beside what is recorded
-        self.more: Callable[[], dict[str, Any]] = dict
+        self.more: Callable[[], Meta] = dict
         meta, static = describe(self.system)
         meta |= {
             "integrator": stepper.integrator.name,
@@ -432,7 +432,7 @@ class Record:
         """Write events and warnings so far into the file at once."""
         self.writer.note(**self._happened(), warnings=self.notices.kept())
 
-    def _happened(self) -> dict[str, Any]:
+    def _happened(self) -> Meta:
         """Events so far, and the systems that rows belong to, as meta data."""
         meta = {}
         if self.varying:

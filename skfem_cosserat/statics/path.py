@@ -34,7 +34,7 @@ from ..model.balance import Spin
 from ..model.limits import broken_constraint, limp, overstretched
 from ..newton import NewtonReport, NewtonSettings
 from ..time_function import Amplitude, Constant
-from ..types import FilePath, Floats, check_kind, file_path, finite, switch
+from ..types import FilePath, Floats, Meta, check_kind, file_path, finite, switch
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import CODES, Branch, branch_stage
 from .control import (
@@ -140,9 +140,7 @@ def prescribed_turn(system: System, t0: float, t1: float) -> float:
 class PathRecorder:
     """Writes the points of a path."""
 
-    def __init__(
-        self, solver: PathSolver, meta: dict[str, Any], path: FilePath | None, notices: Notices
-    ):
+    def __init__(self, solver: PathSolver, meta: Meta, path: FilePath | None, notices: Notices):
         self.solver = solver
         system = solver.system
         described, static = describe(system)
@@ -804,7 +802,7 @@ def static(
         points = PathSolver(system, treatment, schedule, settings, choice, solver)
         continuation = Continuation(system, points, control, watch and system.unknowns > 0)
         show = Progress(progress, "parameter {:.6g}, load factor {:.6g}".format)
-        about: dict[str, Any] = {"treatment": treatment.name, "parameter": control.parameter}
+        about: Meta = {"treatment": treatment.name, "parameter": control.parameter}
         about |= {"solver": points.method, "unknowns": points.bound.unknowns}
         about |= {"kernels": points.choice.name, "kernels_why": points.choice.why}
         recorder = PathRecorder(points, about, path, notices)
