@@ -396,7 +396,7 @@ class DirectorBasis(CellBasis):
             where the two agree to 1e-12.
         """
         out = np.einsum("eaik,eajk->eaij", triads, self.nodal_triads(triads)[self.connectivity])
-        out[np.abs(out - np.eye(3)).max(axis=(-2, -1)) < SAME] = np.eye(3)
+        out[abs(out - np.eye(3)).max(axis=(-2, -1)) < SAME] = np.eye(3)
         return out
 
 
@@ -609,5 +609,5 @@ def _norm(scalar: CellBasis, found: Floats, exact: ArrayLike) -> float:
     wanted = wanted[None] if wanted.ndim == 2 else wanted
     if wanted.shape != found.shape:
         raise InputError("argument exact", f"returned shape {wanted.shape}, expected {found.shape}")
-    square = ((found - wanted) ** 2).sum(axis=0)
+    square = ((found - wanted) ** 2).sum(0)
     return float(np.sqrt(Functional(lambda w: w.square).assemble(scalar, square=square)))

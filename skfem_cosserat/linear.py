@@ -566,7 +566,7 @@ class LinearSolver:
             return x
         matrix = self.pattern.assembled(self.data)
         size = abs(matrix)
-        rows = np.asarray(size.sum(axis=1)).reshape(-1, *(1,) * (rhs.ndim - 1))
+        rows = np.asarray(size.sum(1)).reshape(-1, *(1,) * (rhs.ndim - 1))
 
         def error(x: Floats, r: Floats) -> float:
             """Largest residual of a row against its terms, at least 1e-13 of what they may be."""

@@ -121,12 +121,12 @@ def spread(count: int, most: int = 20) -> IndexArray:
     return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
 
 
-def file_path(item: str, value: Any) -> Path:
-    """The name of a file, or an error naming the argument."""
+def file_path(value: Any) -> Path:
+    """The name of a file that the argument path gives, or an error."""
     if not isinstance(value, (str, os.PathLike)):
-        raise InputError(item, f"{shown(value)}, expected the name of a file")
+        raise InputError("argument path", f"{shown(value)}, expected the name of a file")
     if "\0" in os.fsdecode(value):
-        raise InputError(item, f"{shown(value)}, names of files hold no zero character")
+        raise InputError("argument path", f"{shown(value)}, names of files hold no zero character")
     return Path(os.fsdecode(value))
 
 

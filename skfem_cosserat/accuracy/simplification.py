@@ -153,7 +153,7 @@ def energies_of(run: Run, name: str) -> dict[str, Floats]:
     strains = section_strains(run.system, beam, run.history["q"])
     stress = np.array([beam_stress(e, each) for each in strains])
     parts = 0.5 * np.einsum("tegk,tegk,eg->tk", strains, stress, e.lengths[:, None] * e.weights)
-    return {kind: parts[:, list(k)].sum(axis=1) for kind, k in KINDS.items()}
+    return {kind: parts[:, list(k)].sum(1) for kind, k in KINDS.items()}
 
 
 def _suggested(

@@ -599,7 +599,7 @@ def stability_map(
     ...     t = step * np.arange(len(q))
     ...     series = {"t": t, "step": np.arange(len(q)), "q": q, "p": q}
     ...     return History({"status": "completed"}, {}, series)
-    >>> judge = JudgeEnergy(lambda history: (history["q"] ** 2).sum(axis=1))
+    >>> judge = JudgeEnergy(lambda history: (history["q"] ** 2).sum(1))
     >>> found = stability_map(spring, {"omega": (0.01, 1.0), "step": (1.0, 1e-3)}, judge)
     >>> found.status.tolist()
     [['ok', 'ok'], ['blowup', 'ok']]

@@ -371,7 +371,7 @@ def broken_momentum(
     allowed = max(tolerance * largest(p), 1e-13)
     if system.moving:  # as far as rates of the ground are known
         rate = 4 * system.ground_rate_and_error(time)[1] + 1e-11 * system.length
-        allowed += rate * float(abs(system.mass).sum(axis=1).max())
+        allowed += rate * float(abs(system.mass).sum(1).max())
     if not miss.max(initial=0.0) > allowed:
         return None
     row = int(miss.argmax())

@@ -65,7 +65,7 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
             ]
             total += energies(system, y, stresses, acting)
     total[~seen, 0] = 0.0
-    lacking, stored = total.sum(axis=0)
+    lacking, stored = total.sum(0)
     stiffest = sum(
         float(b.elements.weighted_stiffness.trace(axis1=2, axis2=3).sum()) for b in beams
     )
@@ -79,7 +79,7 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
 
 def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
     """Modes that the mesh makes, or makes wrong."""
-    lacking, stored = result.energies.sum(axis=1).T
+    lacking, stored = result.energies.sum(1).T
     share = abs(lacking) / np.where(result.energy > 0, np.maximum(result.energy, stored), np.inf)
     found = np.flatnonzero(share > LACKING)
     worst = int(share.argmax())

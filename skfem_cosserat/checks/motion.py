@@ -272,7 +272,7 @@ def energies(
     if node_momentum:
         return kinetic_energy(system, p) + stored
     v, own = Projection(system).stack(q, p, times)
-    return 0.5 * (v * own).sum(axis=1) + stored
+    return 0.5 * (v * own).sum(1) + stored
 
 
 def _balance(run: Run) -> Balance:

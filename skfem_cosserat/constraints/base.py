@@ -37,7 +37,7 @@ def rows_touching(system: System, coordinates: Array) -> Array:
     y = np.random.default_rng(1).uniform(0.5, 1.5, (system.total, 3))
     G = abs(system.constraints.jacobian(y)).tocsr()
     largest = np.asarray(G.max(axis=1).todense()).ravel()
-    return np.asarray(G[:, np.flatnonzero(coordinates)].sum(axis=1)).ravel() > 1e-12 * largest
+    return np.asarray(G[:, np.flatnonzero(coordinates)].sum(1)).ravel() > 1e-12 * largest
 
 
 def dependent_rows(system: System, y: Floats) -> IndexArray:

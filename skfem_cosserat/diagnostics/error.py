@@ -169,7 +169,7 @@ def spins(now: Floats, rate: Floats) -> Floats:
     d = now[..., 1:, :]
     ddot = rate[..., 1:, :]
     inertia = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3) - d.swapaxes(-1, -2) @ d
-    return np.linalg.solve(inertia, np.cross(d, ddot).sum(axis=-2)[..., None])[..., 0]
+    return np.linalg.solve(inertia, np.cross(d, ddot).sum(-2)[..., None])[..., 0]
 
 
 def _moved(

@@ -106,7 +106,7 @@ def free_motion(system: System, tangent: ReducedTangent) -> tuple[str, str] | No
     modes = modes @ np.linalg.svd(modes.T @ (K @ modes))[2].T
     none = NEUTRAL * scale * (modes * (metric @ modes)).sum(0)
     none += FREE * (abs(modes) * (abs(K) @ abs(modes))).sum(0)
-    springs = blocks_matrix(system, [*system.mass_tangent(0.0), system.couplings.stiffness(y)])
+    springs = blocks_matrix(system, [*system.empty_tangent(), system.couplings.stiffness(y)])
     for X, A in ((modes, K), (P @ modes, springs)):
         none[abs((X * (A @ X)).sum(0)) > none] = -1.0
     modes = modes[:, none >= 0]
@@ -297,7 +297,7 @@ def _moved(system: System, y: Floats, change: Floats) -> Floats:
     rates = np.zeros_like(y)
     rates[: system.rows] = change
     directors = kin.directors(y)
-    spin = 0.5 * np.cross(directors, kin.directors(rates)).sum(axis=1)
+    spin = 0.5 * np.cross(directors, kin.directors(rates)).sum(1)
     share = min(1.0, FAR_TURN / max(largest(spin), 1e-300))
     out = y + share * rates
     # rows are directors, which inverse rotations turn from the right

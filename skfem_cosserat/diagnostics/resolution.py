@@ -109,7 +109,7 @@ def resolution(system: System, history: History) -> Resolution | None:
     else:  # a vibration moves by the angle times its size
         moved = _moved(system, history, apart)
         times = history.times[-1:]
-        ways = np.square(moved.take(system.origin_rows, axis=2)).sum(axis=-1)
+        ways = np.square(moved.take(system.origin_rows, axis=2)).sum(-1)
         angle = np.sqrt(2 * ways.mean(axis=1)) / (extent / 2)
         share = np.full(angle.shape, 0.5)
     # directors are orthonormal: each component of the rotation moves two of them
@@ -118,7 +118,7 @@ def resolution(system: System, history: History) -> Resolution | None:
     )
     turns = 2 * np.arcsin(np.minimum(chords, 1.0)).mean(axis=1).max(axis=0, initial=0.0)
     parts = np.multiply.outer(history.meta.get("shares") or (1.0,), angle)
-    lost = min(STEPS, np.ptp(history["step"])) * abs(angle - 2 * np.arctan(parts / 2).sum(axis=0))
+    lost = min(STEPS, np.ptp(history["step"])) * abs(angle - 2 * np.arctan(parts / 2).sum(0))
     off = np.minimum(share * np.minimum(lost, 2.0), lost / 2)  # of what vibrates few cover less
     w, v = np.unravel_index(off.argmax(), off.shape)
     turning = ""
@@ -256,7 +256,7 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
 def _held(system: System) -> NDArray[np.bool_]:
     """Rows (rows,) of frames and points that cannot move while drives and ground are at rest."""
     P = abs(null_space_matrix(system, system.extend(system.q0, 0.0)))
-    moves = np.ravel(P.sum(axis=1)).reshape(-1, 3).max(axis=1) > 0
+    moves = np.ravel(P.sum(1)).reshape(-1, 3).max(axis=1) > 0
     axes = system.kinematics.director_rows
     moves[axes] = moves[axes].any(1, keepdims=True)
     return np.logical_not(moves)

@@ -286,7 +286,7 @@ def curvature_matrix(system: System, y: Floats, multipliers: Floats) -> csr_matr
 
 def material_stiffness(system: System, y: Floats) -> csr_matrix:
     """Stiffness (n, n) of all beams at configuration y, as if there were no stresses."""
-    blocks = system.mass_tangent(0.0)
+    blocks = system.empty_tangent()
     for k, (group, (eps, B)) in enumerate(zip(system.beam_groups, system.strain(y), strict=True)):
         blocks[k] = group.parts(B, B, np.zeros_like(eps), 1.0, 0.0, group.moduli(eps)).blocks()
     return blocks_matrix(system, blocks)

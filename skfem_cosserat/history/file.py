@@ -248,7 +248,7 @@ class FileWriter:
     """
 
     def __init__(self, path: FilePath, meta: Mapping[str, Any], static: Mapping[str, Array]):
-        self.path = file_path("argument path", path)
+        self.path = file_path(path)
         new = not self.path.exists()
         self.path.open("wb").close()
         self._db = sqlite3.connect(self.path, timeout=_PATIENCE)
@@ -590,7 +590,7 @@ def load_file(
     HistoryError
         If the file is no history, or damaged; and when a series is read that is damaged.
     """
-    path = file_path("argument path", path)
+    path = file_path(path)
     recover = switch("argument recover", recover)
     scan = _Scan(path, recover)
     with _opened(path, recover) as db:
@@ -628,7 +628,7 @@ def read_meta(path: FilePath) -> Meta:
     ...     read_meta(path)
     {'step': 0.01, 'status': 'killed', 'states': 0}
     """
-    scan = _Scan(file_path("argument path", path))
+    scan = _Scan(file_path(path))
     return {**scan.meta, "states": scan.states}
 
 
@@ -659,7 +659,7 @@ def save_file(
     StorageError
         If the disk is full, say; an older file is as it was.
     """
-    path = file_path("argument path", path)
+    path = file_path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     size = sum(array[:1].nbytes for array in series.values())
     stride = max(1, min(_SAVE_ROWS, SAVE_BYTES // max(size, 1)))

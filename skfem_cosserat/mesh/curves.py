@@ -359,7 +359,7 @@ class CurveSpline(Frozen):
                 [np.stack([grid[:-1], 0.5 * (grid[:-1] + grid[1:])], 1).ravel(), u[-1:]]
             )
             halves = self._arc(finer[:-1], finer[1:])
-            change = np.abs(halves.reshape(-1, 2).sum(axis=1) - arcs).max()
+            change = abs(halves.reshape(-1, 2).sum(1) - arcs).max()
             grid, arcs, pieces = finer, halves, 2 * pieces
             if change <= 1e-15 * halves.sum():
                 break
@@ -382,7 +382,7 @@ class CurveSpline(Frozen):
         for _ in range(20):
             step = (s - arcs[k] - self._arc(grid[k], u)) / np.linalg.norm(self._rate(u), axis=-1)
             u = u + step
-            if np.abs(step).max(initial=0.0) <= 1e-15 * grid[-1]:
+            if abs(step).max(initial=0.0) <= 1e-15 * grid[-1]:
                 break
         return u
 

@@ -349,7 +349,7 @@ class LineData:
 @contextlib.contextmanager
 def read_errors(path: FilePath) -> Iterator[None]:
     """Whatever goes wrong with what a file says is one error that names the file."""
-    item = f"file '{file_path('argument path', path)}'"
+    item = f"file '{file_path(path)}'"
     try:
         yield
     except InputError as error:
@@ -362,7 +362,7 @@ def read_errors(path: FilePath) -> Iterator[None]:
 
 def read_lines(path: FilePath) -> LineData:
     """Lines of a file; see :func:`skfem_cosserat.mesh.read_mesh`."""
-    file = file_path("argument path", path)
+    file = file_path(path)
     if not file.is_file():
         raise ValueError("does not exist, or is no file")
     lines = _read_lines(file)
@@ -633,7 +633,7 @@ def write_lines(
     file_format: str | None = None,
 ) -> None:
     """Write lines; see :func:`skfem_cosserat.mesh.write_mesh`."""
-    file = file_path("argument path", path)
+    file = file_path(path)
     default = {".msh": "gmsh", ".vtu": "vtu", ".vtk": "vtk"}.get(file.suffix.lower())
     kind = default if file_format is None else file_format
     if kind not in {"gmsh", "gmsh22", "vtu", "vtk"}:

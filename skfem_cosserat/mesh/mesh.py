@@ -116,9 +116,9 @@ class MappingCurve(SkfemMapping):
         xi = grid[np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0).argmin(axis=-1)]
         for _ in range(50):
             ahead = x - self.F(xi[None], elements)
-            step = (ahead * self.tangent(xi[None], elements)).sum(axis=0) / length
+            step = (ahead * self.tangent(xi[None], elements)).sum(0) / length
             new = np.clip(xi + step, 0.0, 1.0)
-            done = np.abs(new - xi).max(initial=0.0) <= 1e-15
+            done = abs(new - xi).max(initial=0.0) <= 1e-15
             xi = new
             if done:
                 break
@@ -699,7 +699,7 @@ class MeshCurve(Frozen, MeshLine1):
     @property
     def lengths(self) -> Floats:
         """Arc lengths of the elements (ne,), in m."""
-        return np.abs(self.spans[1] - self.spans[0])
+        return abs(self.spans[1] - self.spans[0])
 
     @property
     def size(self) -> float:

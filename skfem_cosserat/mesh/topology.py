@@ -437,7 +437,7 @@ def beam_nodes(
         place = relative_length(key, given)
         if key in named:
             raise MeshError(f"node '{key}'", f"the name is given to an end of beam '{name}'")
-        k = np.abs(places - place).argmin()
+        k = abs(places - place).argmin()
         if not abs(places[k] - place) <= 1e-9:
             close = ", ".join(f"{x:.6g}" for x in np.sort(places[max(k - 1, 0) : k + 2]))
             raise MeshError(

@@ -38,7 +38,7 @@ def node_tangents(mesh: MeshCurve, xi: Floats) -> Floats:
     cosine = np.cos(mesh.feature_angle) - 1e-9  # an angle equal to it is smooth too
     e = mesh.chain_order.before
     f = mesh.chain_order.after
-    smooth = chord[e] & chord[f] & ((own[e] * own[f]).sum(axis=1) > cosine)
+    smooth = chord[e] & chord[f] & ((own[e] * own[f]).sum(1) > cosine)
     e = e[smooth]
     f = f[smooth]
     mean = mesh.lengths[f][:, None] * own[e] + mesh.lengths[e][:, None] * own[f]
@@ -333,7 +333,7 @@ def check_bends(
             " 90: refine",
         )
     _check_folds(mesh, kind, nodes, places, triads, item)
-    total = angle.sum(axis=1).round(8)
+    total = angle.sum(1).round(8)
     if total.max() > round(kind.turn_limit, 8):
         e = total.argmax()
         warn(

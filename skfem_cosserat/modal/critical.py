@@ -222,7 +222,7 @@ def _geometric(
 ) -> tuple[csr_matrix, list[Floats], Floats]:
     """K_1 (unknowns, unknowns) for the linear response dq (rows, 3), its stresses, multipliers."""
     system, y, P = at.system, at.y, at.tangent.P
-    blocks = system.mass_tangent(0.0)
+    blocks = system.empty_tangent()
     Bs = at.tangent.balance.Bs
     stresses = []
     for k, (group, B, D) in enumerate(zip(system.beam_groups, Bs, at.moduli, strict=True)):

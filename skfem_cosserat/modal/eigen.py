@@ -356,7 +356,7 @@ def make_pencil(at: Equilibrium) -> Pencil:
 
 def _damping(system: System, y: Floats, P: csr_matrix, Bs: list[Array]) -> csr_matrix | None:
     """Viscous sections, drag, dampers."""
-    blocks = system.mass_tangent(0.0)
+    blocks = system.empty_tangent()
     for k, (group, B) in enumerate(zip(system.beam_groups, Bs, strict=True)):
         if group.viscous:
             blocks[k] += group.damping(B)

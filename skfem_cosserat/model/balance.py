@@ -204,7 +204,7 @@ def balance_tangent(
     stresses : list of arrays, optional
         Stresses of the geometric part instead of those at y, see :func:`predicted`.
     """
-    blocks = system.mass_tangent(0.0)
+    blocks = system.empty_tangent()
     used = at.stresses if stresses is None else stresses
     for k, g in enumerate(system.beam_groups):
         B = at.Bs[k]

@@ -255,7 +255,7 @@ def _rotated(beam: Beam, nodal: Floats) -> Floats:
 
     inner = beam.basis.connectivity
     now = _steps(nodal[..., inner, :, :])
-    return turns(_steps(beam.triads[inner]), now).sum(axis=-1).round(9)
+    return turns(_steps(beam.triads[inner]), now).sum(-1).round(9)
 
 
 def limp(beam: Beam) -> str:

@@ -227,7 +227,7 @@ class Plane:
         """
         rows = p.reshape(-1, 3).copy()
         nu = start.reshape(-1, 3)[triads] @ self.normal
-        stretch = (nu * (rows[triads] @ self.normal)).sum(axis=1)
+        stretch = (nu * (rows[triads] @ self.normal)).sum(1)
         rows[triads] -= (stretch[:, None] * nu)[..., None] * self.normal
         self.check(item, "its momentum", rows, origins, power=1)
 
@@ -598,7 +598,7 @@ def _twist_forces(system: System, y: Floats, force: Floats) -> Floats:
     kin = system.kinematics
     moments = np.zeros((len(system.origin_rows), 3))
     rows = kin.director_rows
-    moments[kin.frames] = cross(y[rows], force[rows]).sum(axis=1) / system.length
+    moments[kin.frames] = cross(y[rows], force[rows]).sum(1) / system.length
     return np.array([force[system.origin_rows], moments])
 
 

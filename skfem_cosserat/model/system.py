@@ -747,9 +747,9 @@ class System(Pictured):
     def _force_dofs(self) -> IndexArray:
         return np.concatenate([g.dofs.ravel() for g in self.beam_groups])
 
-    def mass_tangent(self, factor: float) -> list[Array]:
-        """``factor * M`` as blocks of the groups; fresh arrays, to be added to."""
-        return [factor * g.mass for g in self.groups]
+    def empty_tangent(self) -> list[Array]:
+        """Zeros as blocks of the groups; fresh arrays, to be added to."""
+        return [0.0 * g.mass for g in self.groups]
 
 
 def listed(labels: Sequence[str]) -> str:

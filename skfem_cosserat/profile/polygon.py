@@ -38,11 +38,11 @@ def _circumcircles(points: Floats, t: IndexArray) -> tuple[Floats, Floats, Float
     u = b - a
     v = c - a
     twice = 2 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
-    uu = (u**2).sum(axis=1)
-    vv = (v**2).sum(axis=1)
+    uu = (u**2).sum(1)
+    vv = (v**2).sum(1)
     offset = np.column_stack([v[:, 1] * uu - u[:, 1] * vv, u[:, 0] * vv - v[:, 0] * uu])
     offset /= twice[:, None]
-    shortest = np.sqrt(np.minimum(np.minimum(uu, vv), ((c - b) ** 2).sum(axis=1)))
+    shortest = np.sqrt(np.minimum(np.minimum(uu, vv), ((c - b) ** 2).sum(1)))
     return a + offset, np.linalg.norm(offset, axis=1), shortest
 
 

@@ -339,7 +339,7 @@ class Profile(Frozen):
 def _sizes(mesh: Mesh) -> Floats:
     """About the area of each element: that between its corners."""
     x, y = mesh.p[:, mesh.t] - mesh.p[:, :1, None]
-    return abs((x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(axis=0))
+    return abs((x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(0))
 
 
 def _centroid(mesh: Mesh) -> Floats:
@@ -351,7 +351,7 @@ def _marked(coarse: Warping, fine: Warping) -> IndexArray:
     """Elements that hold most of the energy of the difference, for six loads of equal energy."""
     loads = np.linalg.inv(np.linalg.cholesky(fine.compliance)).T
     difference = np.einsum("rl,rieq->lieq", loads, fine.strains - coarse.strains)
-    share = fine.energies(difference).sum(axis=0)
+    share = fine.energies(difference).sum(0)
     share_down = -np.sort(-share)
     total = share_down.cumsum()
     least = share_down[np.searchsorted(total, 0.8 * total[-1])]

@@ -147,12 +147,12 @@ def _of_strains(block: Block) -> Floats | float:
         for each in (q[:-1], q[1:], 0.5 * (q[1:] + q[:-1]))
     )
     missed = (middle - 0.5 * (first + last)) * (-2.0 if scheme.at_end else 1.0)
-    return missed.reshape(len(block), -1).sum(axis=1)
+    return missed.reshape(len(block), -1).sum(1)
 
 
 def _along(force: Floats, change: Floats) -> Floats:
     """Work of forces; the sum does not depend, as of BLAS, on where in memory they begin."""
-    return (force * change).sum(axis=-1)
+    return (force * change).sum(-1)
 
 
 # -- which states are recorded, and when a row of the history is complete --------------------------

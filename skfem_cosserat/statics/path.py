@@ -790,7 +790,7 @@ def static(
         check_kind("argument control", control, Control)
         check_kind("argument settings", settings, NewtonSettings)
         if path is not None:
-            file_path("argument path", path)
+            file_path(path)
         if not isinstance(callbacks, Sequence) or not all(map(callable, callbacks)):
             raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
         derive = checked_asked(derive, system, path_formulas)
