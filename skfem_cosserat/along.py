@@ -39,7 +39,7 @@ class Stations:
             from scipy.interpolate import PchipInterpolator  # slow to import
 
             return PchipInterpolator(self.s, self.values)(s.clip(*self.s[[0, -1]]))
-        return np.stack([np.interp(s, self.s, column) for column in self.values.T], axis=-1)
+        return np.stack([np.interp(s, self.s, column) for column in self.values.T], -1)
 
 
 class Along(Frozen):

@@ -141,7 +141,7 @@ class DirectorBasis(CellBasis):
         rule = self.points[None], self.weights
         element = ElementDirector(self.interpolation)
         super().__init__(self.mesh, element, quadrature=rule, disable_doflocs=True)
-        self.doflocs = self.nodes.T.repeat(12, axis=1)
+        self.doflocs = self.nodes.T.repeat(12, 1)
         lock_arrays(self)
 
     @property
@@ -396,7 +396,7 @@ class DirectorBasis(CellBasis):
             where the two agree to 1e-12.
         """
         out = np.einsum("eaik,eajk->eaij", triads, self.nodal_triads(triads)[self.connectivity])
-        out[abs(out - np.eye(3)).max(axis=(-2, -1)) < SAME] = np.eye(3)
+        out[abs(out - np.eye(3)).max((-2, -1)) < SAME] = np.eye(3)
         return out
 
 

@@ -27,6 +27,7 @@ from .kernels import (
     beam_stress,
     beam_tangent,
     exp_quaternion,
+    mass_blocks,
     null_space_blocks,
     rotation_matrix,
 )
@@ -152,9 +153,7 @@ class Beam(LineItem):
         self._strain = Along(self.label, "strain", free, 6)
         self.velocity = self._field("velocity", velocity)
         self.angular_velocity = self._field("angular_velocity", angular_velocity)
-        self.reference = np.concatenate([self.basis.nodes[:, None], self.triads], axis=1).reshape(
-            -1
-        )
+        self.reference = np.concatenate([self.basis.nodes[:, None], self.triads], 1).reshape(-1)
         self.elements = self._elements()
         free = self.strains_at(np.arange(mesh.nelements), self.elements.points)
         if free[..., list(self.theory.held)].any():
@@ -290,7 +289,7 @@ class Beam(LineItem):
         """
         at = np.broadcast_to(xi, (len(elements), np.shape(xi)[-1]))
         given = np.array(list(self.sections.values()), object)[self.section_id[elements]]
-        out = given[:, None].repeat(at.shape[1], axis=1)
+        out = given[:, None].repeat(at.shape[1], 1)
         starts, totals = self._part_lengths()
         for m in np.flatnonzero(np.isfinite(totals[elements])):
             e = elements[m]
@@ -574,9 +573,7 @@ class Beam(LineItem):
         """Mass matrix (114) as a scikit-fem form: ``assemble(beam.basis)``."""
 
         def mass(basis: DirectorBasis) -> Array:
-            scalar = self.scalar_mass()
-            ne, k = scalar.shape[:2]
-            return np.einsum("eij,cd->eicjd", scalar, np.eye(3)).reshape(ne, 3 * k, 3 * k)
+            return mass_blocks(self.scalar_mass())
 
         return ElementMatrix(mass)
 

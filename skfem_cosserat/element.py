@@ -261,7 +261,7 @@ def lagrange(nodes: Floats, xi: ArrayLike) -> Array:
     for a, own in enumerate(nodes):
         others = np.delete(nodes, a)
         scale = np.prod(own - others)
-        rows.append(np.prod([np.ones_like(x), *(x - other for other in others)], axis=0) / scale)
+        rows.append(np.prod([np.ones_like(x), *(x - other for other in others)], 0) / scale)
     return np.array(rows)
 
 
@@ -294,7 +294,7 @@ def shape_derivatives(order: int | Interpolation, xi: ArrayLike) -> Array:
         total = np.zeros(x.shape, np.result_type(x, float))
         for k in range(len(others)):
             factors = [x - other for other in np.delete(others, k)]
-            total = total + np.prod([np.ones_like(total), *factors], axis=0)
+            total = total + np.prod([np.ones_like(total), *factors], 0)
         rows.append(total / scale)
     return np.array(rows)
 

@@ -304,6 +304,12 @@ def bilinear(weighted: Floats, B_left: Array, B_right: Array) -> Array:
     return B_left.transpose(0, 2, 1) @ DB
 
 
+def mass_blocks(scalar: Floats) -> Floats:
+    """(ne, r, r) without -> (ne, 3r, 3r) with the factor I_3."""
+    ne, r = scalar.shape[:2]
+    return np.einsum("eij,cd->eicjd", scalar, np.eye(3)).reshape(ne, 3 * r, 3 * r)
+
+
 def beam_strain_rate(B: Array, velocity: Array) -> Array:
     """Strain rates ``B qdot`` (ne, ng, 6) of nodal velocities (ne, 12 nn).
 
@@ -351,7 +357,7 @@ def _from_section(rotations: Floats, rows: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Cross product over the last axis; much faster than numpy's for small arrays."""
-    return (a * b.take(_YZX, axis=-1) - a.take(_YZX, axis=-1) * b).take(_YZX, axis=-1)
+    return (a * b.take(_YZX, -1) - a.take(_YZX, -1) * b).take(_YZX, -1)
 
 
 _YZX = np.array([1, 2, 0])

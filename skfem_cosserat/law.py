@@ -97,7 +97,7 @@ class Law(Frozen, ABC):
         place, weight = GAUSS
         mean = 0.5 * (eps0 + eps1)
         step = place * (eps1 - eps0)
-        found = self.stress(np.stack([mean, mean - step, mean + step], axis=-2))
+        found = self.stress(np.stack([mean, mean - step, mean + step], -2))
         middle, before, after = (found[..., k, :] for k in range(3))
         return middle + weight * (before + after - 2 * middle)
 
@@ -119,7 +119,7 @@ class Law(Frozen, ABC):
         """
         d = eps1 - eps0
         middle, beside = self.beside(0.5 * (eps0 + eps1), d)
-        both = self.energy(np.stack([eps0, eps1], axis=-2))
+        both = self.energy(np.stack([eps0, eps1], -2))
         before = both[..., 0]
         after = both[..., 1]
         metric = d.dot(self.stiffness)

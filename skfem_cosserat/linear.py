@@ -121,8 +121,7 @@ class _Dense(Factors):
 
     def __init__(self, pattern: FrozenPattern):
         self._n = pattern.shape[0]
-        cols = np.arange(self._n).repeat(np.diff(pattern.indptr))
-        self._where = pattern.indices.astype(np.int64) + self._n * cols
+        self._where = pattern.indices.astype(np.int64) + self._n * pattern.columns
         self._getrf, self._getrs = get_lapack_funcs(("getrf", "getrs"), dtype=np.float64)
 
     def factor(self, data: Floats) -> None:
@@ -194,7 +193,7 @@ class _Banded(Factors):
         self._n = pattern.shape[0]
         self._band = band
         rows = pattern.indices
-        cols = np.arange(self._n).repeat(np.diff(pattern.indptr))
+        cols = pattern.columns
         self._entries = (rows, cols)
         self._diagonal = np.flatnonzero(rows == cols)
         #: places of the entries in column-major band storage, with room for exchanged rows
@@ -219,11 +218,11 @@ class _Banded(Factors):
     def solve(self, rhs: Floats) -> Floats:
         b = self._band
         scale = self._scale if rhs.ndim == 1 else self._scale[:, None]
-        ordered = rhs.take(b.order, axis=0)
+        ordered = rhs.take(b.order, 0)
         ordered *= scale
         found = self._gbtrs(self._lu, b.lower, b.upper, ordered, self._pivots, overwrite_b=True)[0]
         found *= scale
-        return found.take(b.position, axis=0)
+        return found.take(b.position, 0)
 
     def _scale_by(self, data: Floats) -> None:
         """Powers of two that bring the diagonal of the first matrix to about one, on both sides.
@@ -570,7 +569,7 @@ class LinearSolver:
 
         def error(x: Floats, r: Floats) -> float:
             """Largest residual of a row against its terms, at least 1e-13 of what they may be."""
-            most = rows * abs(x).max(axis=0) + abs(rhs)
+            most = rows * abs(x).max(0) + abs(rhs)
             terms = np.maximum(size @ abs(x) + abs(rhs), 1e-13 * most)
             return float((abs(r) / np.where(terms > 0, terms, 1.0)).max())
 

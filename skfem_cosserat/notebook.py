@@ -108,7 +108,7 @@ def outline_svg(loops: Sequence[Floats]) -> str:
     if not loops:
         return ""
     points = np.concatenate(loops)
-    (x, y), (width, height) = points.min(axis=0), np.ptp(points, axis=0)
+    (x, y), (width, height) = points.min(0), np.ptp(points, axis=0)
     way = "ZM".join("L".join(f"{a:.6g},{-b:.6g}" for a, b in loop) for loop in loops)
     box = f"{x:.6g} {-y - height:.6g} {width:.6g} {height:.6g}"
     look = 'fill="#99a8bf" fill-rule="evenodd" stroke="#011b3e" vector-effect="non-scaling-stroke"'

@@ -78,6 +78,11 @@ class FrozenPattern:
         self._matrix = csc_matrix(entries, shape=self.shape, copy=False)
         self._matrix.has_canonical_format = True  # then they are sorted, too
 
+    @property
+    def columns(self) -> IndexArray:
+        """Column (nnz,) of each stored entry."""
+        return np.arange(self.shape[1]).repeat(np.diff(self.indptr))
+
     def data(self, values: ArrayLike) -> Array:
         """Stored entries (nnz,) of contributions in the order of the indices (any shape)."""
         flat = np.asarray(values).reshape(-1)
@@ -106,6 +111,12 @@ def sum_at(index: IndexArray, values: Array, size: int) -> Array:
     if values.dtype.kind == "c":
         return np.bincount(index, values.real, size) + 1j * np.bincount(index, values.imag, size)
     return np.bincount(index, values, size)
+
+
+def dense_blocks(matrix: csr_matrix, rows: IndexArray) -> Array:
+    """Entries (k, r, r) of a matrix between the rows of each of some sets (k, r)."""
+    i, j = np.broadcast_arrays(rows[:, :, None], rows[:, None])
+    return np.asarray(matrix[i.ravel(), j.ravel()]).reshape(i.shape)
 
 
 def product_form(matrix: csr_matrix) -> csr_matrix | Array:

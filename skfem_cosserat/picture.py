@@ -154,7 +154,7 @@ class Piece(NamedTuple):
         """Point (3,) that its name stands beside."""
         points = self.points(row)
         long = self.kind == "beam" or self.form.n_lines
-        return np.asarray(points[len(points) // 2] if long else points.mean(axis=0))
+        return np.asarray(points[len(points) // 2] if long else points.mean(0))
 
 
 def _axes(vectors: Floats) -> Floats:
@@ -243,10 +243,10 @@ class Scene:
             raise InputError("history", "has no beams, bodies or mass points to be drawn")
         points = np.concatenate([each.points(row["q"]) for row in rows for each in shapes])
         self.size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
-        self.middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        self.middle = 0.5 * (points.min(0) + points.max(0))
         self.unit = 0.018 * self.size * (12 / max(len(history.meta.get("joints", ())), 12)) ** 0.5
         loads = history.meta.get("loads", ())
-        self.gravity = np.sum([load.get("acceleration", (0, 0, 0)) for load in loads], axis=0)
+        self.gravity = np.sum([load.get("acceleration", (0, 0, 0)) for load in loads], 0)
         tops = (self._forces(shape, row).max() for shape in self.shapes for row in rows)
         self.limits = 0.0, float(max(tops, default=0.0))
 
@@ -276,7 +276,7 @@ class Scene:
         sections = map(int, np.unique(shape.section))
         sweep = shape.surface({k: (not radius and shape.skin(k)) or tube for k in sections})
         own = sweep.element * shape.pieces + sweep.piece
-        ends = [own[(sweep.quads == cap[0]).any(axis=1)][:1] for cap in sweep.caps]
+        ends = [own[(sweep.quads == cap[0]).any(1)][:1] for cap in sweep.caps]
         points = sweep.points(self.rows[0]["q"])
         form = pyvista.PolyData.from_irregular_faces(points, [*sweep.quads, *sweep.caps])
         form["piece"] = np.concatenate([own, *ends])
@@ -369,7 +369,7 @@ class Scene:
         """Arrows of section directors at some places of each beam."""
         for shape in self.shapes:
             stride = max(len(shape.connectivity) // 3, 1)
-            x, d = (each[::stride].mean(axis=1) for each in shape.axes(self.rows[0]["q"]))
+            x, d = (each[::stride].mean(1) for each in shape.axes(self.rows[0]["q"]))
             for k in (0, 1):
                 at = _held((x, 0.05 * self.size * _axes(d[:, k])))
                 yield _copies(f"d{k + 1}", "arrow", at, "", len(x))
@@ -515,7 +515,7 @@ class Stage:
             groups.setdefault(tuple(at.round()), (at, []))[1].append(piece)
         drawn = np.zeros((height, width))
         if self.plotter.off_screen:  # a window is still empty
-            drawn += np.asarray(self.shot())[::-1].min(axis=2) < 250
+            drawn += np.asarray(self.shot())[::-1].min(2) < 250
         drawn = drawn[::3, ::3].copy()
         pitch = 3 * self.finer / self.font
         grid = pitch * (np.argwhere(drawn >= 0.0) - 0.5 * np.array(drawn.shape))
@@ -525,7 +525,7 @@ class Stage:
             filled = uniform_filter(drawn, (box / pitch).astype(int), mode="constant", cval=1.0)
             away = np.linalg.norm(np.maximum(abs(grid - at) - 0.5 * box, 0.0), axis=1)
             best = grid[np.argmin(20.0 * filled.ravel() + away)]
-            drawn.ravel()[(abs(grid - best) < 0.5 * box).all(axis=1)] = 10.0
+            drawn.ravel()[(abs(grid - best) < 0.5 * box).all(1)] = 10.0
             label = pyvista.Label(text.replace("$", r"\$"), size=self.font)
             label.prop.color = "black"
             label.prop.justification_horizontal = label.prop.justification_vertical = "center"

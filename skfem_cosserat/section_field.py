@@ -239,8 +239,8 @@ class SectionTable(SectionField):
             return np.zeros(0)
         values = self._stations.values
         slopes = np.diff(values, axis=0) / np.diff(self.s)[:, None]
-        size = abs(values).max(axis=0) / (self.s[-1] - self.s[0])
-        return self.s[1:-1][(abs(np.diff(slopes, axis=0)) > BEYOND * size).any(axis=1)]
+        size = abs(values).max(0) / (self.s[-1] - self.s[0])
+        return self.s[1:-1][(abs(np.diff(slopes, axis=0)) > BEYOND * size).any(1)]
 
 
 class SectionSampled(SectionField):

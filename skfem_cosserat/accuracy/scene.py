@@ -250,13 +250,13 @@ class Run:
         """Values of a sensor over time; of a path at its end, unless its factor stands for time."""
         if not self.at_rest:
             record = self.history.sensors[name]
-            finite = np.isfinite(record.values.reshape(len(record.times), -1)).all(axis=1)
+            finite = np.isfinite(record.values.reshape(len(record.times), -1)).all(1)
             return Reading(record.values[finite], record.times[finite])
         system = self.system
         path = self.history
         if isinstance(sensor, SensorReaction):
             joint = f"joint/{sensor.joint.name}/"
-            rows = np.concatenate([path[joint + "force"], path[joint + "moment"]], axis=1)
+            rows = np.concatenate([path[joint + "force"], path[joint + "moment"]], 1)
         elif isinstance(sensor, SensorForce):
             rows = forces_along(system, path, sensor.beam, np.array([sensor.s]), sensor.part)[:, 0]
         elif sensor.derivative:
@@ -280,7 +280,7 @@ class Run:
         """
         around = np.concatenate([self.jumps, other.jumps])
         h = 0.0 if self.at_rest else float(self.history.meta["step"]) * (1 + 1e-9)
-        spans = np.stack([around - h, around + h], axis=1)
+        spans = np.stack([around - h, around + h], 1)
         for name, own in self.values.items():
             a = own.shape
             b = other.values[name].shape

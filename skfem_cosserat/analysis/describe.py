@@ -101,7 +101,7 @@ def describe(system: System) -> tuple[Meta, dict[str, Floats]]:
     for joint in system.joints:
         _describe_joint(joint, system, static)
     for load in system.loads:
-        gravity = np.sum([term.acceleration() for term in load.made_of], axis=0)
+        gravity = np.sum([term.acceleration() for term in load.made_of], 0)
         own = {"acceleration": gravity.tolist()} if gravity.any() else {}
         meta["loads"].append({"name": load.name, "type": type(load).__name__, **own})
     forces = (each for each in acting(system) if isinstance(each, Force))

@@ -25,8 +25,8 @@ def inside_out(result: Recorded) -> Iterator[Doubt]:
     system = result.system
     history = result.history
     for group in system.beam_groups:
-        stretch = group_stretches(group, history["q"]).min(axis=2)
-        for row in np.flatnonzero((stretch <= 0).any(axis=1))[:1]:
+        stretch = group_stretches(group, history["q"]).min(2)
+        for row in np.flatnonzero((stretch <= 0).any(1))[:1]:
             worst = stretch[row].argmin()
             beam, e = beam_of(system, group, worst)
             yield Doubt(

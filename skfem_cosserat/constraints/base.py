@@ -36,7 +36,7 @@ def rows_touching(system: System, coordinates: Array) -> Array:
     """
     y = np.random.default_rng(1).uniform(0.5, 1.5, (system.total, 3))
     G = abs(system.constraints.jacobian(y)).tocsr()
-    largest = np.asarray(G.max(axis=1).todense()).ravel()
+    largest = np.asarray(G.max(1).todense()).ravel()
     return np.asarray(G[:, np.flatnonzero(coordinates)].sum(1)).ravel() > 1e-12 * largest
 
 
@@ -368,8 +368,7 @@ class Congruence:
         Z = by.matrix(np.ones(len(by.slot)))
         whole = (Z.T @ full.matrix(np.ones(len(full.slot))) @ Z).tocoo()
         self.pattern = FrozenPattern(whole.row, whole.col, whole.shape)
-        columns = np.arange(whole.shape[1]).repeat(np.diff(self.pattern.indptr))
-        self._codes = columns * whole.shape[0] + self.pattern.indices
+        self._codes = self.pattern.columns * whole.shape[0] + self.pattern.indices
 
     def data(self, A: Floats, left: Floats, right: Floats) -> Floats:
         """Entries in :attr:`pattern` from those of A and of Z."""
@@ -382,7 +381,7 @@ class Congruence:
 
 def group_pairs(system: System, dofs: list[IndexArray]) -> tuple[IndexArray, IndexArray]:
     """Row and column numbers of all block entries, groups one after the other."""
-    rows = [d.repeat(d.shape[1], axis=1).ravel() for d in dofs]
+    rows = [d.repeat(d.shape[1], 1).ravel() for d in dofs]
     cols = [np.tile(d, (1, d.shape[1])).ravel() for d in dofs]
     return np.concatenate(rows), np.concatenate(cols)
 

@@ -275,7 +275,7 @@ class BoundNullSpace(BoundTreatment):
         extra = (NO_INDICES, NO_INDICES)
         if self.weight:  # derivative of P: moments on each frame, and the tree's
             omega = kin.frame_twist[:, 3:]
-            ends.append((omega.repeat(3, axis=1).ravel(), np.tile(omega, (1, 3)).ravel()))
+            ends.append((omega.repeat(3, 1).ravel(), np.tile(omega, (1, 3)).ravel()))
             ends.append(kin.recursion.moment_pattern())
             extra = kin.recursion.own.curvature_pattern()
         pairs = np.concatenate([i for i, _ in ends]), np.concatenate([j for _, j in ends])
@@ -463,7 +463,7 @@ class BoundNullSpace(BoundTreatment):
     def _null_spaces(self, y: Array) -> list[Array | None]:
         """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), none of points."""
         rows = self._directors
-        return [None if r is None else null_space_blocks(y.take(r, axis=0)) for r in rows]
+        return [None if r is None else null_space_blocks(y.take(r, 0)) for r in rows]
 
     def _project(self, blocks: Sequence[Blocks], y1: Array) -> list[Array]:
         """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""

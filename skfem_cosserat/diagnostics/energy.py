@@ -17,6 +17,7 @@ from ..kernels import BeamElements, beam_energy, beam_stress, product
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
 from ..model.theories import theory_of
+from ..pattern import dense_blocks
 from ..strain import strain_factors, strain_measures
 from ..types import ArrayLike, Floats, IndexArray, switch
 from .stacked import as_stack, as_times, of_states, step_size
@@ -50,9 +51,7 @@ def mass_solver(system: System) -> Callable[[Floats], Floats]:
     for r in np.unique(members[present & (members <= 8)]).tolist():
         own = np.flatnonzero(present & (members == r))
         rows = own[np.argsort(label[own], kind="stable")].reshape(-1, r)
-        i, j = np.broadcast_arrays(rows[:, :, None], rows[:, None])
-        block = np.asarray(mass[i.ravel(), j.ravel()]).reshape(i.shape)
-        blocks.append((rows, np.linalg.pinv(block, hermitian=True)))
+        blocks.append((rows, np.linalg.pinv(dense_blocks(mass, rows), hermitian=True)))
 
     def solve(rhs: Floats) -> Floats:
         out = np.zeros_like(rhs)

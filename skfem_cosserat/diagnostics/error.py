@@ -154,7 +154,7 @@ def _beam(source: Beam, target: Beam, y: Floats, ydot: Floats) -> tuple[Floats, 
     moved, moving = _moved(now, rate, start, turn, spin, own)
     reference, (met, node) = source.reference.reshape(1, -1, 4, 3), _met(source, e, x)
     k = node[met]  # a node of both keeps its numbers
-    same = (abs(own[met] - reference[0, k]).max(axis=(1, 2)) <= SAME)[:, None, None]
+    same = (abs(own[met] - reference[0, k]).max((1, 2)) <= SAME)[:, None, None]
     moved[:, met] = np.where(same, q[:, k], moved[:, met])
     moving[:, met] = np.where(same, v[:, k], moving[:, met])
     shape = (len(q), len(target.basis.nodes), 4, 3)
@@ -190,9 +190,9 @@ def _moved(
 def _met(beam: Beam, e: np.ndarray, x: Floats) -> tuple[np.ndarray, np.ndarray]:
     """True for places that are at a node of a beam, and the nearest node of each place."""
     gaps = abs(x[..., None] - beam.basis.interpolation.nodes)
-    nearest = gaps.argmin(axis=-1)
+    nearest = gaps.argmin(-1)
     node = np.take_along_axis(beam.basis.connectivity[e], nearest[..., None], axis=-1)[..., 0]
-    return gaps.min(axis=-1) <= TOLERANCE, node
+    return gaps.min(-1) <= TOLERANCE, node
 
 
 # -- beams at any point inside their elements: place, triad, strains and resultants ----------------

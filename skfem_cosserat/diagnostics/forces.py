@@ -105,7 +105,7 @@ def _at_ends(beam: Beam, found: Balances) -> Floats:
     nodal, _, force = found
     turned = beam.rotations @ nodal[..., 1:, :]
     ends = (components(turned[:, :, k], *_passed_on(force, nodal, k)) for k in (0, -1))
-    return np.stack([*ends], axis=2)
+    return np.stack([*ends], 2)
 
 
 @takes_scene
@@ -418,7 +418,7 @@ def _from_end(
 
 def components(d: Array, n: Array, m: Array) -> Array:
     """Force and moment (..., 3) in space by components (..., 6) along directors (..., 3, 3)."""
-    return (np.stack([n, m], axis=-2) @ d.swapaxes(-1, -2)).reshape(*n.shape[:-1], 6)
+    return (np.stack([n, m], -2) @ d.swapaxes(-1, -2)).reshape(*n.shape[:-1], 6)
 
 
 @takes_scene
@@ -557,7 +557,7 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     if len(y) != len(force):
         raise InputError("argument force", f"is of {len(force)} states, y of {len(y)}")
     out = np.full((len(y), system.m), np.nan)
-    for k in np.flatnonzero(np.isfinite(force).all(axis=1)) if system.m else ():
+    for k in np.flatnonzero(np.isfinite(force).all(1)) if system.m else ():
         with suppress(SingularMatrixError):  # stays NaN
             out[k] = balancing(system, y[k], force[k])
     return out
@@ -628,7 +628,7 @@ def _wrenches(system: System, jr: JointRows, y: Floats, lam: Floats) -> tuple[Fl
     place = constraints.cols[which] - 3 * r == np.arange(3 * rows)[:, None]
     f = -sign * (parts @ place.T).reshape(len(y), rows, 3)
     x = y[:, b] + sum(X * y[:, b + i + 1] for i, X in enumerate(jr.b.offset) if X != 0)
-    arms = np.concatenate([(y[:, r] - x)[:, None], y[:, r + 1 : r + rows]], axis=1)
+    arms = np.concatenate([(y[:, r] - x)[:, None], y[:, r + 1 : r + rows]], 1)
     return f[:, 0], np.cross(arms, f).sum(1)
 
 

@@ -264,7 +264,7 @@ def _jumps(
     """Times, to a width (s), at which a component of a function jumps."""
     at = cache(function)
     values = np.array([at(t) for t in times.tolist()])
-    least = np.maximum(SMALL * np.ptp(values, axis=0), 1e-12 * abs(values).max(axis=0))
+    least = np.maximum(SMALL * np.ptp(values, axis=0), 1e-12 * abs(values).max(0))
     least = np.maximum(least, rounding or 1e-200)
 
     def bend(a: float, b: float) -> float:
@@ -285,7 +285,7 @@ def at_jumps(system: System, history: History) -> Floats:
     reach[:1] *= 3 if history["fresh"][0] else 2
     reach[-1:] *= 2
     apart = abs(history.times[:, None] - jumps(system, history))
-    return (apart <= reach[:, None]).any(axis=1).astype(float)
+    return (apart <= reach[:, None]).any(1).astype(float)
 
 
 def _step(history: History) -> float:

@@ -44,7 +44,7 @@ def load_wrenches(system: System, load: Load | Force, history: History) -> list[
     if isinstance(load, Force):
         return _of_own_law(system, load, history, y)
     found = list(_of_channels(system, load, history, y))
-    return [np.concatenate(each, axis=1) for each in zip(*found, strict=True)]
+    return [np.concatenate(each, 1) for each in zip(*found, strict=True)]
 
 
 def _of_own_law(system: System, load: Force, history: History, y: Floats) -> list[Floats]:
@@ -53,7 +53,7 @@ def _of_own_law(system: System, load: Force, history: History, y: Floats) -> lis
     speeds = rates(system, history["v"], history.instants)
     found = system.couplings_of(own).forces(y, speeds, None, history.instants)
     pairs = ((x, -force) for _, x, force in found)
-    x, force = (np.concatenate(each, axis=1) for each in zip(*pairs, strict=True))
+    x, force = (np.concatenate(each, 1) for each in zip(*pairs, strict=True))
     x, force = (each.reshape(len(y), -1, 3)[:, load.shown] for each in (x, force))
     return [x, force, np.zeros_like(force)]
 

@@ -168,7 +168,7 @@ def angular_momentum(
     rows = system.mass.diagonal() > 0 if massive_only else slice(None)
     Q, P = (np.reshape(each, (-1, system.rows, 3))[:, rows] for each in (q, p))
     both = Q.transpose(0, 2, 1) @ P  # sums of q_i p_j first: fewer numbers to cross
-    return np.stack([both[:, i, j] - both[:, j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
+    return np.stack([both[:, i, j] - both[:, j, i] for i, j in ((1, 2), (2, 0), (0, 1))], 1)
 
 
 @takes_scene
@@ -278,7 +278,7 @@ def constraint_violation(system: System, q: ArrayLike, t: ArrayLike = 0.0) -> Fl
     >>> constraint_violation(model.freeze(), [[0, 0, -1.0], [0, 0, -2.0]]).tolist()
     [0.0, 1.5]
     """
-    return abs(system.constraints.stacked_values(all_rows(system, q, t))).max(axis=1, initial=0.0)
+    return abs(system.constraints.stacked_values(all_rows(system, q, t))).max(1, initial=0.0)
 
 
 @takes_scene
@@ -315,7 +315,7 @@ def hidden_violation(system: System, q: ArrayLike, v: ArrayLike, t: ArrayLike = 
     3.0
     """
     found = system.constraints.stacked_values(all_rows(system, q, t), rates(system, v, t))
-    return abs(found).max(axis=1, initial=0.0)
+    return abs(found).max(1, initial=0.0)
 
 
 @takes_scene
@@ -358,7 +358,7 @@ def momentum_violation(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike 
     v = mass_solver(system)(in_rows(system, np.asarray(p))).reshape(system.rows, -1, 3)
     ydot = rates(system, v.transpose(1, 0, 2), t)
     hidden = system.constraints.stacked_values(all_rows(system, q, t), ydot)[:, kept]
-    return abs(hidden).max(axis=1, initial=0.0)
+    return abs(hidden).max(1, initial=0.0)
 
 
 @takes_scene
@@ -504,7 +504,7 @@ class Projection:
         Rows of p that are NaN (not known) give NaN.
         """
         v = self.velocities(q, p, t)
-        known = np.isfinite(v).all(axis=1, keepdims=True)
+        known = np.isfinite(v).all(1, keepdims=True)
         return v, np.where(known, momentum(self.system, v), np.nan)
 
     def velocities(self, q: Floats, p: Floats, t: ArrayLike) -> Floats:
@@ -512,7 +512,7 @@ class Projection:
         q, _ = as_stack(self.system, "q", q)
         p, _ = as_stack(self.system, "p", p, q)
         v = np.full(p.shape, np.nan)
-        known = np.isfinite(p).all(axis=1)
+        known = np.isfinite(p).all(1)
         some = slice(None) if known.all() else known
         v[some] = self._rule(q[some], p[some], as_times(t, len(q))[some])
         return v

@@ -41,7 +41,7 @@ def rigid_pieces(system: System, joined: bool = False) -> tuple[IndexArray, list
     pairs = [np.zeros((0, 2), np.int64)]
     for group in system.beam_groups:
         first = np.broadcast_to(group.vertices[:, :1], group.vertices.shape)
-        pairs.append(np.stack([first, group.vertices], axis=-1).reshape(-1, 2))
+        pairs.append(np.stack([first, group.vertices], -1).reshape(-1, 2))
     fixed = [jr.joint for jr in system.joint_rows if jr.joint.type == "fixed" and joined]
     ends = [[system.spot(place).vertex for place in (joint.a, joint.b)] for joint in fixed]
     both = [pair for pair in ends if max(pair) < count]

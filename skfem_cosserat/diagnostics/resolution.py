@@ -104,19 +104,17 @@ def resolution(system: System, history: History) -> Resolution | None:
         y = y.reshape(*rows.shape, -1, 3)
         times = history.times[rows[:, -1]]
         moved = np.diff(y, axis=1)
-        size, angle = _vibrations(y.take(system.origin_rows, axis=2))
+        size, angle = _vibrations(y.take(system.origin_rows, 2))
         share = size / extent
     else:  # a vibration moves by the angle times its size
         moved = _moved(system, history, apart)
         times = history.times[-1:]
-        ways = np.square(moved.take(system.origin_rows, axis=2)).sum(-1)
-        angle = np.sqrt(2 * ways.mean(axis=1)) / (extent / 2)
+        ways = np.square(moved.take(system.origin_rows, 2)).sum(-1)
+        angle = np.sqrt(2 * ways.mean(1)) / (extent / 2)
         share = np.full(angle.shape, 0.5)
     # directors are orthonormal: each component of the rotation moves two of them
-    chords = np.sqrt(
-        np.square(moved.take(system.kinematics.director_rows, axis=2)).sum((-1, -2)) / 8
-    )
-    turns = 2 * np.arcsin(np.minimum(chords, 1.0)).mean(axis=1).max(axis=0, initial=0.0)
+    chords = np.sqrt(np.square(moved.take(system.kinematics.director_rows, 2)).sum((-1, -2)) / 8)
+    turns = 2 * np.arcsin(np.minimum(chords, 1.0)).mean(1).max(0, initial=0.0)
     parts = np.multiply.outer(history.meta.get("shares") or (1.0,), angle)
     lost = min(STEPS, np.ptp(history["step"])) * abs(angle - 2 * np.arctan(parts / 2).sum(0))
     off = np.minimum(share * np.minimum(lost, 2.0), lost / 2)  # of what vibrates few cover less
@@ -194,7 +192,7 @@ def doubtful_steps(system: System, history: History) -> NDArray[np.bool_]:
     for some in np.array_split(starts, len(starts) // 100 + 1):
         four = some[:, None] + np.arange(4)
         third = np.diff(_beside(system, q[four], times[four]), 3, axis=1)[:, 0]
-        far[some + 3] = (scale * np.linalg.norm(third, axis=-1) > 1).any(axis=1)
+        far[some + 3] = (scale * np.linalg.norm(third, axis=-1) > 1).any(1)
     out[steps] = far[steps[:, None] + np.arange(3)].any(1)
     return out
 
@@ -256,7 +254,7 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
 def _held(system: System) -> NDArray[np.bool_]:
     """Rows (rows,) of frames and points that cannot move while drives and ground are at rest."""
     P = abs(null_space_matrix(system, system.extend(system.q0, 0.0)))
-    moves = np.ravel(P.sum(1)).reshape(-1, 3).max(axis=1) > 0
+    moves = np.ravel(P.sum(1)).reshape(-1, 3).max(1) > 0
     axes = system.kinematics.director_rows
     moves[axes] = moves[axes].any(1, keepdims=True)
     return np.logical_not(moves)
@@ -264,7 +262,7 @@ def _held(system: System) -> NDArray[np.bool_]:
 
 def _extents(system: System, y: Floats) -> Floats:
     """The way of what moves most in the separate part that each vertex is of; no motion: inf."""
-    ways = np.linalg.norm(np.ptp(y.take(system.origin_rows, axis=1), axis=0), axis=-1)
+    ways = np.linalg.norm(np.ptp(y.take(system.origin_rows, 1), axis=0), axis=-1)
     part = separate_parts(system).part[system.origin_rows]
     extent = np.zeros(part.max(initial=0) + 1)
     np.maximum.at(extent, part, ways)
@@ -278,7 +276,7 @@ def _vibrations(places: Floats) -> tuple[Floats, Floats]:
     amplitude: the third and the fifth tell both, whatever slow motion it is on.
     """
     third, fifth = (
-        np.linalg.norm(np.diff(places, order, axis=1), axis=-1).max(axis=1, initial=0.0)
+        np.linalg.norm(np.diff(places, order, axis=1), axis=-1).max(1, initial=0.0)
         for order in (3, 5)
     )
     some = third > SAME * largest(places)
@@ -322,7 +320,7 @@ def _windows(history: History) -> IndexArray:
     for width in (STATES, ENOUGH, 2):
         if len(next_to) < width - 1:
             continue
-        starts = np.flatnonzero(sliding_window_view(next_to, width - 1).all(axis=1))
+        starts = np.flatnonzero(sliding_window_view(next_to, width - 1).all(1))
         if len(starts):
             return starts[spread(len(starts))][:, None] + np.arange(width)
     return np.zeros((0, 2), np.int64)

@@ -85,7 +85,7 @@ def piece_weights(gauss: Floats, pieces: int) -> Floats:
     A piece without a Gauss point takes the value of the point closest to its middle.
     """
     away = abs(gauss - (np.arange(pieces)[:, None] + 0.5) / pieces)
-    own = away <= np.maximum(away.min(axis=1, keepdims=True), 0.5 / pieces)
+    own = away <= np.maximum(away.min(1, keepdims=True), 0.5 / pieces)
     return own / own.sum(axis=1, keepdims=True)
 
 
@@ -159,7 +159,7 @@ class BeamShape:
         other = np.zeros(len(self.node_id), np.int64)
         other[flat] = np.arange(len(flat))
         last = other[flat]
-        differs = abs(own - own[last]).max(axis=(1, 2)) > 1e-12
+        differs = abs(own - own[last]).max((1, 2)) > 1e-12
         # of the section, or the triad of the node itself where those of sections differ
         self._node_rotation = np.empty((len(other), 3, 3))
         self._node_rotation[conn] = self.rotations
@@ -176,7 +176,7 @@ class BeamShape:
         if p > 2:
             self.node_id[self._inner] = -1
             chain = self.cells[:, [0, *range(2, p + 1), 1]]
-            self.cells = np.stack([chain[:, :-1], chain[:, 1:]], axis=2).reshape(-1, 2)
+            self.cells = np.stack([chain[:, :-1], chain[:, 1:]], 2).reshape(-1, 2)
         self.cell_pieces = len(self.cells) // len(conn)
         self.cell_element = np.arange(len(conn)).repeat(self.cell_pieces)
 
@@ -307,7 +307,7 @@ class Surface:
                 continue
             loops = [given] if isinstance(given, np.ndarray) else given
             own = np.flatnonzero(shape.section == section)
-            skin = np.concatenate(loops, axis=-2)
+            skin = np.concatenate(loops, -2)
             self.swept.append((own, skin))
             element, *rest = np.indices((len(own), p + 1, skin.shape[-2]))
             places.append(np.reshape([own[element], *rest], (3, -1)))
@@ -320,7 +320,7 @@ class Surface:
             self.size += grid.size
         self.quads = np.concatenate(quads)
         #: element, station and number on the outline of each point
-        self._places = np.concatenate(places, axis=1)
+        self._places = np.concatenate(places, 1)
         self.element, self.piece = self._places[:2, self.quads[:, 0]]
         self.cap_element = self._places[0, [int(cap[0]) for cap in self.caps]]
 
@@ -353,14 +353,14 @@ class Surface:
             for own, outline in self.swept
         ]
         return np.concatenate(
-            [np.zeros((*front, 0, 3)), *(part.reshape(*front, -1, 3) for part in parts)], axis=-2
+            [np.zeros((*front, 0, 3)), *(part.reshape(*front, -1, 3) for part in parts)], -2
         )
 
 
 def _quads(one: IndexArray, two: IndexArray) -> IndexArray:
     """Quads (m, 4) between closed rings of points (..., k)."""
     after = np.roll(one, -1, axis=-1), np.roll(two, -1, axis=-1)
-    return np.stack([one, *after, two], axis=-1).reshape(-1, 4)
+    return np.stack([one, *after, two], -1).reshape(-1, 4)
 
 
 @dataclass(frozen=True)

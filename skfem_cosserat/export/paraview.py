@@ -136,7 +136,7 @@ def _stack(parts: list[Fields], sizes: list[int]) -> Fields:
             part[name] if name in part else np.full((count, size, *rest), np.nan)
             for part, size in zip(parts, sizes, strict=True)
         ]
-        joined[name] = pieces[0] if len(pieces) == 1 else np.concatenate(pieces, axis=1)
+        joined[name] = pieces[0] if len(pieces) == 1 else np.concatenate(pieces, 1)
     return joined
 
 
@@ -291,7 +291,7 @@ class SurfaceLayer(Layer):
         sigma = stress[..., 0]
         tau = np.linalg.norm(stress[..., 1:], axis=-1)
         fields = {"sigma": sigma, "tau": tau, "mises": np.sqrt(sigma**2 + 3 * tau**2)}
-        rings = forces.reshape(len(six), -1, 6).repeat(count, axis=1)
+        rings = forces.reshape(len(six), -1, 6).repeat(count, 1)
         return fields | {"N": rings[..., :3], "M": rings[..., 3:]}
 
 
@@ -321,12 +321,12 @@ class BodyLayer(Layer):
         fields = {"u": x - self._points(reference)}
         if "v" in states:
             fields["v"] = self._points(states["v"])
-        turned = quaternions(np.stack([s.directors(states["q"]) for s in self._shapes], axis=1))
+        turned = quaternions(np.stack([s.directors(states["q"]) for s in self._shapes], 1))
         fields["q_wxyz"] = turned[:, self._owner]
         return Grid(x, self._cells, fields, {})
 
     def _points(self, q: Floats) -> Floats:
-        return np.concatenate([shape.points(q) for shape in self._shapes], axis=-2)
+        return np.concatenate([shape.points(q) for shape in self._shapes], -2)
 
 
 class ItemLayer(Layer):
@@ -404,7 +404,7 @@ class ItemLayer(Layer):
     def _held(self, item: str, x: Floats) -> Floats:
         """Places (k, ...) of an item, the last known one where it is released."""
         x = np.concatenate([self._last.get(item, x[:1]), x])
-        known = np.isfinite(x).reshape(len(x), -1).all(axis=1)
+        known = np.isfinite(x).reshape(len(x), -1).all(1)
         x = x[np.maximum.accumulate(np.where(known, np.arange(len(x)), 0))]
         self._last[item] = x[-1:]
         return x[1:]

@@ -572,7 +572,7 @@ class History(Shown):
         parts = [self.segment(k) for k in range(len(self._formulas()))]
         own = [part[name] if len(part) and name in part else None for part in parts]
         shapes = [values.shape[1:] for values in own if values is not None]
-        size = tuple(map(int, np.max(shapes, axis=0))) if shapes and shapes[0] else ()
+        size = tuple(map(int, np.max(shapes, 0))) if shapes and shapes[0] else ()
         out = np.full((len(self), *size), np.nan)
         for (start, stop), values in zip(self.segments, own, strict=True):
             if values is not None:

@@ -215,10 +215,10 @@ class Flow:
         free = mine * parts.free[:, None]
         straight = np.einsum("kr,kci->kirc", free * parts.lift, unit - self.A) * (2 / self.h)
         bent = 2 * np.einsum("kr,rd,kicd->kirc", mine, self._rest, dA)
-        U = np.concatenate([straight, bent], axis=1).reshape(-1, len(part), 3)
+        U = np.concatenate([straight, bent], 1).reshape(-1, len(part), 3)
         lines = free[:, None, :, None] * parts.mu[:, None] * unit[:, None]
         turns = Q.swapaxes(0, 1)
-        V = np.concatenate([lines, mine[:, None, :, None] * turns], axis=1).reshape(U.shape)
+        V = np.concatenate([lines, mine[:, None, :, None] * turns], 1).reshape(U.shape)
         used = (abs(U).max((1, 2), initial=0.0) > 0) & (abs(V).max((1, 2), initial=0.0) > 0)
         return U[used], V[used]
 

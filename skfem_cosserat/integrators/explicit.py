@@ -37,6 +37,7 @@ from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, external_force
 from ..model.force_elements import CoupledForce, CoupledStart
 from ..model.groups import BeamGroup
+from ..pattern import dense_blocks
 from ..types import SAME, TOLERANCE, Array, Floats, IndexArray, largest, switch, whole
 from ..warn import logger, warn
 from .base import Integrator
@@ -95,7 +96,7 @@ class Bodies:
         out is put half before and half after (of second order, symplectic and symmetric). L about
         the centre of mass stays as it is.
         """
-        x = y.take(self.rows, axis=0)
+        x = y.take(self.rows, 0)
         P = m[self.number, 0]
         spin = m[self.number, 1]
         arm = (self.centre[:, None] @ x[:, 1:])[:, 0]
@@ -238,8 +239,7 @@ class Nodes:
         self._framed = rows[framed]
         mass = system.mass.tocsr(copy=True)
         mass.resize(system.total + 1, system.total + 1)
-        i, j = np.broadcast_arrays(rows[:, :, None], rows[:, None])
-        matrix = np.asarray(mass[i.ravel(), j.ravel()]).reshape(i.shape)
+        matrix = dense_blocks(mass, rows)
         whole = matrix[:, 0, 0]
         centre = matrix[:, 0, 1:] / matrix[:, :1, 0]
         euler = matrix[:, 1:, 1:] - whole[:, None, None] * centre[:, :, None] * centre[:, None]
@@ -687,7 +687,7 @@ class Marching:
         new = State(time, state.index + 1, y[:rows].flatten(), p, fresh=False, turns=turns)
         assert elements is not None
         self._last = new.q, new.p, elements
-        return new, StepWork(*np.sum(works, axis=0).tolist()), iterations
+        return new, StepWork(*np.sum(works, 0).tolist()), iterations
 
     def _elements(self, y: Floats) -> Callable[[Floats], tuple[Floats, float]]:
         """Forces (rows, 3) of elements by the rates of all rows, and the power that they lose."""

@@ -337,7 +337,7 @@ class CurveSpline(Frozen):
                 "spline points", f"got shape {points.shape}, expected ({2 + closed} or more, 3)"
             )
         if not np.isfinite(points).all():
-            row = np.argmin(np.isfinite(points).all(axis=1))
+            row = np.argmin(np.isfinite(points).all(1))
             raise MeshError("spline points", f"point {row} is {points[row].tolist()}: not finite")
         path = np.vstack([points, points[:1]]) if closed else points
         chords = np.linalg.norm(np.diff(path, axis=0), axis=1)

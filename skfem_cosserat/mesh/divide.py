@@ -76,15 +76,15 @@ def divided(mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = 
     # vertices are numbered along the lines
     used, first = np.unique(np.concatenate(chains), return_index=True)
     used = used[first.argsort()]
-    every = np.concatenate(points, axis=1)
+    every = np.concatenate(points, 1)
     number = np.empty(every.shape[1], np.int64)
     number[used] = np.arange(len(used))
     parent = np.repeat([run[0] for run, _ in lines], [len(chain) - 1 for chain in chains])
     return replace(
         mesh,
         doflocs=every[:, used],
-        t=np.concatenate([number[np.stack([chain[:-1], chain[1:]])] for chain in chains], axis=1),
-        spans=np.concatenate(spans, axis=1),
+        t=np.concatenate([number[np.stack([chain[:-1], chain[1:]])] for chain in chains], 1),
+        spans=np.concatenate(spans, 1),
         curve_ids=mesh.curve_ids[parent],
         _subdomains={k: np.flatnonzero(np.isin(parent, v)) for k, v in mesh.beams.items()},
         _boundaries={k: number[v] for k, v in mesh.nodes.items()},

@@ -258,8 +258,8 @@ def _rows41(
     """Sections of a 4.1 file: one curve for each combination of beams."""
     named = [v for v, tags in enumerate(in_nodes) if tags]
     curves = {tags: k for k, tags in enumerate(dict.fromkeys(in_beams), start=1)}
-    low = _numbers(points.min(axis=1))
-    high = _numbers(points.max(axis=1))
+    low = _numbers(points.min(1))
+    high = _numbers(points.max(1))
     rows = ["$Entities", f"{len(named)} {len(curves)} 0 0"]
     for k, v in enumerate(named, start=1):
         rows.append(f"{k} {_numbers(points[:, v])} {_counted(in_nodes[v])}")

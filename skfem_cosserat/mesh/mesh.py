@@ -113,7 +113,7 @@ class MappingCurve(SkfemMapping):
         length = mesh.lengths[elements][:, None]
         grid = np.linspace(0.0, 1.0, 9)
         near = self.F(grid[None, :], elements)
-        xi = grid[np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0).argmin(axis=-1)]
+        xi = grid[np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0).argmin(-1)]
         for _ in range(50):
             ahead = x - self.F(xi[None], elements)
             step = (ahead * self.tangent(xi[None], elements)).sum(0) / length
@@ -123,7 +123,7 @@ class MappingCurve(SkfemMapping):
             if done:
                 break
         for end in (0, 1):
-            xi = np.where((x == mesh.p[:, mesh.t[end, elements], None]).all(axis=0), float(end), xi)
+            xi = np.where((x == mesh.p[:, mesh.t[end, elements], None]).all(0), float(end), xi)
         return xi[None]
 
     def detDF(self, X: Array, tind: Array | None = None) -> Floats:
@@ -182,11 +182,11 @@ def halved_arrays(mesh: MeshCurve, marked: IndexArray) -> dict[str, Any]:
     left = first[marked]
     right = first[marked] + 1
     t[1, left] = t[0, right] = nv + np.arange(len(marked))
-    spans[1, left] = spans[0, right] = mesh.spans[:, marked].mean(axis=0)
+    spans[1, left] = spans[0, right] = mesh.spans[:, marked].mean(0)
     points = mesh.p
     if len(marked):
         middle = mesh.mapping().F(np.array([[0.5]]), marked)[:, :, 0]
-        points = np.concatenate([mesh.p, middle], axis=1)
+        points = np.concatenate([mesh.p, middle], 1)
     beams = None
     if mesh._subdomains is not None:
         beams = {k: np.flatnonzero(np.isin(parent, v)) for k, v in mesh.beams.items()}
@@ -234,7 +234,7 @@ def restricted_arrays(mesh: MeshCurve, elements: Array) -> tuple[dict[str, Any],
 
 def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) -> dict[str, Any]:
     """Fields of the mesh of several meshes."""
-    points = np.concatenate([m.p for m in meshes], axis=1)
+    points = np.concatenate([m.p for m in meshes], 1)
     limit = 1e-9 * float(np.linalg.norm(np.ptp(points, axis=1))) if tol is None else float(tol)
     if not (np.isfinite(limit) and limit >= 0.0):
         raise MeshError("argument tol", f"got {tol}, expected a distance in m")
@@ -270,11 +270,11 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
         np.where(m.curve_ids < 0, -1, m.curve_ids + s) for m, s in zip(meshes, shifts, strict=False)
     ]
     return {
-        "doflocs": np.concatenate(kept, axis=1),
-        "t": np.concatenate([n[m.t] for m, n in zip(meshes, numbers, strict=True)], axis=1),
+        "doflocs": np.concatenate(kept, 1),
+        "t": np.concatenate([n[m.t] for m, n in zip(meshes, numbers, strict=True)], 1),
         "curves": [curve for m in meshes for curve in m.curves],
         "curve_ids": np.concatenate(ids),
-        "spans": np.concatenate([m.spans for m in meshes], axis=1),
+        "spans": np.concatenate([m.spans for m in meshes], 1),
         "_subdomains": _united([m.beams for m in meshes], lambda k, v: v + first[k]),
         "_boundaries": _united([m.nodes for m in meshes], lambda k, v: numbers[k][v]),
     }
@@ -768,7 +768,7 @@ class MeshCurve(Frozen, MeshLine1):
 
     def elements_at(self, which: str | int | VectorLike) -> IndexArray:
         """All elements that meet at a node (``f2t`` knows only two)."""
-        return np.flatnonzero((self.t == self.node(which)).any(axis=0))
+        return np.flatnonzero((self.t == self.node(which)).any(0))
 
     def with_nodes(self, nodes: Mapping[str, int | VectorLike]) -> Self:
         """Copy with further named nodes, by vertex number or position (3,).

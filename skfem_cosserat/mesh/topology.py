@@ -131,7 +131,7 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
     met = _neighbours(t, owner)
     against = (met >= 0) & (met % 2 == np.array([[0], [1]]))
     if against.any():
-        which = np.flatnonzero(against.any(axis=0))
+        which = np.flatnonzero(against.any(0))
         e = int(which[owner[which].argmin()])
         end = int(np.argmax(against[:, e]))
         raise MeshError(
@@ -192,7 +192,7 @@ def arc_starts(order: ChainOrder, lengths: Floats) -> Floats:
     """Arc length (ne,) from the start of its chain to the start of each element (m)."""
     starts = np.zeros(len(lengths))
     for elements, _ in order.side_by_side():
-        starts[elements[:, 1:]] = lengths[elements].cumsum(axis=1)[:, :-1]
+        starts[elements[:, 1:]] = lengths[elements].cumsum(1)[:, :-1]
     return starts
 
 
@@ -226,10 +226,10 @@ def check_arrays(doflocs: Any, t: Any) -> tuple[Floats, Array]:
     if not np.issubdtype(lines.dtype, np.integer):
         raise MeshError("mesh connectivity", f"has type {lines.dtype}, expected integers")
     if not np.isfinite(points).all():
-        node = np.argmin(np.isfinite(points).all(axis=0))
+        node = np.argmin(np.isfinite(points).all(0))
         raise MeshError(f"node {node}", f"coordinates {points[:, node].tolist()} are not finite")
     nv = points.shape[1]
-    wrong = ((lines < 0) | (lines >= nv)).any(axis=0)
+    wrong = ((lines < 0) | (lines >= nv)).any(0)
     if wrong.any():
         e = np.argmax(wrong)
         raise MeshError(f"element {e}", f"has nodes {lines[:, e].tolist()}, the mesh has {nv}")
@@ -283,7 +283,7 @@ def _check_curves(mesh: MeshCurve, size: float) -> None:
         return
     spans = mesh.spans[:, on_curve]
     limit = np.array([curve.length for curve in mesh.curves])[mesh.curve_ids[on_curve]]
-    outside = ~((spans >= -1e-9 * limit) & (spans <= (1 + 1e-9) * limit)).all(axis=0)
+    outside = ~((spans >= -1e-9 * limit) & (spans <= (1 + 1e-9) * limit)).all(0)
     if outside.any():
         k = np.argmax(outside)
         raise MeshError(
@@ -333,12 +333,12 @@ def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
     else:
         from scipy.spatial import cKDTree  # slow to import
 
-        middle = ends.mean(axis=0)
+        middle = ends.mean(0)
         # of two that meet the middles are not farther apart than the longer one is long
         near = cKDTree(middle).query_ball_point(middle, size + tol)
         first = np.repeat(range(mesh.nelements), [len(each) for each in near])
         e, f = np.unique(np.sort(np.stack([first, np.concatenate(near)]), axis=0), axis=1)
-    apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all(axis=(0, 1))
+    apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all((0, 1))
     e = e[apart]
     f = f[apart]
     # the points that are closest: s of the way along e, r along f
@@ -348,8 +348,8 @@ def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
         s, r = ((np.cross(gap, each) * normal).sum(1) / (normal**2).sum(1) for each in (v, u))
     place = np.stack([s, r])
     off = tol / size[np.stack([e, f])]
-    on = ((place >= -off) & (place <= 1 + off)).all(axis=0)
-    on &= ((place > off) & (place < 1 - off)).any(axis=0)
+    on = ((place >= -off) & (place <= 1 + off)).all(0)
+    on &= ((place > off) & (place < 1 - off)).any(0)
     on &= np.linalg.norm(gap + r[:, None] * v - s[:, None] * u, axis=1) <= tol
     return np.stack([e, f])[:, on], (ends[0, e] + s[:, None] * u)[on]
 
@@ -399,11 +399,11 @@ def chain_arrays(curves: Sequence[Curve], arcs: Sequence[Floats], closed: bool) 
     if closed:
         t[1, -1] = 0
     return {
-        "doflocs": np.concatenate(points, axis=1),
+        "doflocs": np.concatenate(points, 1),
         "t": t,
         "curves": curves,
         "curve_ids": np.arange(len(curves)).repeat(counts),
-        "spans": np.concatenate([np.stack([s[:-1], s[1:]]) for s in arcs], axis=1),
+        "spans": np.concatenate([np.stack([s[:-1], s[1:]]) for s in arcs], 1),
     }
 
 
@@ -566,7 +566,7 @@ def element_finder(mesh: MeshCurve) -> Callable[..., Array]:
 
     def finder(x: Array, y: Array, z: Array) -> Array:
         found = np.empty(len(x), np.int32)
-        for k, place in enumerate(np.stack([x, y, z], axis=1)):
+        for k, place in enumerate(np.stack([x, y, z], 1)):
             near = np.flatnonzero(np.linalg.norm(middle.T - place, axis=1) <= reach)
             at = np.broadcast_to(place[:, None, None], (3, len(near), 1))
             feet = mapping.F(mapping.invF(at, near), near) if near.size else at

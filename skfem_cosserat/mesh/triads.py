@@ -34,7 +34,7 @@ def node_tangents(mesh: MeshCurve, xi: Floats) -> Floats:
     if not chord.any():
         return exact
     own = exact[:, 0]
-    ends = np.stack([own, own], axis=1)
+    ends = np.stack([own, own], 1)
     cosine = np.cos(mesh.feature_angle) - 1e-9  # an angle equal to it is smooth too
     e = mesh.chain_order.before
     f = mesh.chain_order.after
@@ -66,7 +66,7 @@ def section_triads(
     along = mesh.lengths[:, None] * xi
     if not given.all():
         for e, closed in mesh.chain_order.side_by_side():
-            if (todo := ~given[e].all(axis=1)).any():
+            if (todo := ~given[e].all(1)).any():
                 moved = _transported(points, tangents, along, e[todo], closed[todo])
                 own = e[todo].ravel()
                 d1[own] = np.where(given[own, None, None], d1[own], moved)
@@ -79,7 +79,7 @@ def section_triads(
     # neighbours on a chain have the very same triad where theirs agree to round-off
     before = mesh.chain_order.before
     after = mesh.chain_order.after
-    same = abs(triads[before, -1] - triads[after, 0]).max(axis=(1, 2)) <= SAME
+    same = abs(triads[before, -1] - triads[after, 0]).max((1, 2)) <= SAME
     triads[after[same], 0] = triads[before[same], -1]
     return triads
 
@@ -129,7 +129,7 @@ def _check_parallel(mesh: MeshCurve, hints: Floats, tangents: Floats, along: Flo
     parallel = sine < 1e-6  # NaN where there is no hint
     if parallel.any():
         order = mesh.chain_order.elements
-        e = int(order[np.argmax(parallel[order].any(axis=1))])
+        e = int(order[np.argmax(parallel[order].any(1))])
         a = np.argmax(parallel[e])
         raise MeshError(
             _owner_item("director", mesh, mesh.owners[e]),
@@ -145,7 +145,7 @@ def _orthonormal(d1: Array, tangent: Array) -> Floats:
         d1 = d1 - (d1 * d3).sum(axis=-1, keepdims=True) * d3
         d1 = d1 / np.linalg.norm(d1, axis=-1, keepdims=True)
     d2 = np.cross(d3, d1)
-    return np.stack([d1, d2 / np.linalg.norm(d2, axis=-1, keepdims=True), d3], axis=-2)
+    return np.stack([d1, d2 / np.linalg.norm(d2, axis=-1, keepdims=True), d3], -2)
 
 
 def _angles(mesh: MeshCurve, twist: Any, e: IndexArray, s: Floats) -> Floats:
@@ -177,7 +177,7 @@ def _turned(triads: Floats, angle: Floats) -> Floats:
 # -------------------------------------------------------------------- transport
 def _normals(tangent: Floats) -> Floats:
     """Coordinate axes farthest from tangents (..., 3), x before y before z, normal to them."""
-    axis = np.eye(3)[abs(tangent).round(12).argmin(axis=-1)]
+    axis = np.eye(3)[abs(tangent).round(12).argmin(-1)]
     normal = axis - (axis * tangent).sum(-1, keepdims=True) * tangent
     return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
@@ -239,11 +239,11 @@ def _transported(
     if m > 1:
         last = node[node % n == n - 1]
         total[:, last + 1] = angles(last, last + 1, inside=False)
-    total = total.cumsum(axis=1)
+    total = total.cumsum(1)
     if closed.any():
         gap = total[:, -1:] + angles(np.array([m * n - 1]), np.array([0]), inside=False)
         miss = -np.arctan2(np.sin(gap), np.cos(gap))
-        ends = np.cumsum(along[elements, -1], axis=1)
+        ends = np.cumsum(along[elements, -1], 1)
         s = along[elements] + (ends - along[elements, -1])[..., None]
         share = s.reshape(chains, m * n) / ends[:, -1:]
         total += np.where(closed[:, None] & (abs(miss) > 1e-13), miss * share, 0.0)

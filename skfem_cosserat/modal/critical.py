@@ -248,7 +248,7 @@ def _geometric(
         h = 1e-4 * min(1.0, system.length) / (float(abs(dq).max()) or 1.0)
         sides = (1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)
         tangents = [w * system.couplings.tangent(moved(k * h), 1.0) for k, w in sides]
-        blocks.append(np.sum(tangents, axis=0) / (12 * h))
+        blocks.append(np.sum(tangents, 0) / (12 * h))
     multipliers = balancing_multipliers(system, y, R.ravel())
     A = blocks_matrix(system, blocks) + curvature_matrix(system, y, multipliers)
     return congruent(P, A), stresses, multipliers

@@ -424,7 +424,7 @@ def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigen
     order = abs(values).argsort(kind="stable")
     order = order[values[order] != 0]  # those without stiffness are known already
     values = np.concatenate([np.zeros(free.shape[1]), values[order]])[:count]
-    X = np.concatenate([free, X[:, order]], axis=1)[:, :count]
+    X = np.concatenate([free, X[:, order]], 1)[:, :count]
     if len(values) < count:
         raise CosseratError(
             f"{len(values)} eigenvalues converged, {count} are wanted: real ones crowd together, as"

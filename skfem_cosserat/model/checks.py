@@ -11,9 +11,8 @@ from scipy.linalg import null_space
 
 from ..errors import InputError
 from ..joint import Joint, JointDrive
-from ..kernels import null_space_blocks
+from ..kernels import mass_blocks, null_space_blocks
 from ..types import SAME, TOLERANCE, Floats, IndexArray
-from .groups import mass_blocks
 from .kinematics import Kinematics
 from .tree import Spot
 

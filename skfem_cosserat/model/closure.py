@@ -237,7 +237,7 @@ class Closure:
     @property
     def _twist(self) -> IndexArray:
         """Twist of each entry of ``G_loop P_int``."""
-        return np.arange(self.kin.n_twist).repeat(np.diff(self._by_twists.pattern.indptr))
+        return self._by_twists.pattern.columns
 
     def _entries(self, y: Array) -> Array:
         return self._by_twists.pattern.data(self._by_twists.values(y))

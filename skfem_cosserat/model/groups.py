@@ -29,6 +29,7 @@ from ..kernels import (
     beam_stress,
     beam_viscous_stress,
     bilinear,
+    mass_blocks,
 )
 from ..law import Law
 from ..pattern import FrozenPattern
@@ -220,12 +221,6 @@ class Group:
         return (3 * self.rows[:, :, None] + np.arange(3)).reshape(len(self.rows), -1)
 
 
-def mass_blocks(scalar: Floats) -> Floats:
-    """(ne, r, r) without -> (ne, 3r, 3r) with the factor I_3."""
-    ne, r = scalar.shape[:2]
-    return np.einsum("eij,cd->eicjd", scalar, np.eye(3)).reshape(ne, 3 * r, 3 * r)
-
-
 def nodal_group(
     vertices: Sequence[int],
     size: int,
@@ -318,7 +313,7 @@ class BeamGroup(Group):
 
     def gather(self, y: Array) -> Array:
         """Rows of y of each element (ne, 12 nn)."""
-        return y.take(self.rows, axis=0).reshape(len(self.rows), -1)
+        return y.take(self.rows, 0).reshape(len(self.rows), -1)
 
     def strain(self, y: Array) -> tuple[Array, Array]:
         """Strains (ne, ng, 6) and B (ne, 6 ng, 12 nn) at configuration y (nv, 3)."""

@@ -163,7 +163,7 @@ class Kinematics:
     def material_axes(self, y: Array) -> tuple[Array, Array, Array]:
         """Axes of hinges, left and right vectors of slides at y."""
         rows, factors = self._axes
-        return self.split((factors @ y.take(rows, axis=0))[:, 0])
+        return self.split((factors @ y.take(rows, 0))[:, 0])
 
     def split(self, axes: Array) -> tuple[Array, Array, Array]:
         """Split axes into those of hinges, and left and right vectors of slides."""
@@ -181,15 +181,15 @@ class Kinematics:
 
     def directors(self, y: Array) -> Array:
         """Directors (nf, 3, 3) of the frames, rows d1, d2, d3."""
-        return y.take(self.director_rows, axis=0)
+        return y.take(self.director_rows, 0)
 
     def twist_force(self, y: Array, force: Array) -> Array:
         """``P_int(y)^T f``: force and moment of each vertex, (n_twist,) from (nv, 3)."""
         parts = [
-            force.take(self._force_rows, axis=0),
-            director_force(self.directors(y), force.take(self.director_rows, axis=0)),
+            force.take(self._force_rows, 0),
+            director_force(self.directors(y), force.take(self.director_rows, 0)),
         ]
-        return np.concatenate(parts).take(self._by_twist, axis=0).ravel()
+        return np.concatenate(parts).take(self._by_twist, 0).ravel()
 
     def rates(self, y: Array, twist: Array) -> Array:
         """``P_int(y) t``: rates of the rows of y that are unknowns."""
@@ -296,7 +296,7 @@ class TwistMap:
             [kin.axis[own][which, along], kin.axis[shifting.number].ravel()]
         )
         base = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
-        number = self.pair_number[:, None].repeat(3, axis=1)
+        number = self.pair_number[:, None].repeat(3, 1)
         self._slide_twist = kin.twist_of[slide_vertex][:, None] + np.arange(3)
         self.rows = np.concatenate(
             [
@@ -362,11 +362,11 @@ class TwistMap:
     def locate(self, y: Array, fixed: Floats) -> Located:
         """Points and axes of the tree at configuration y."""
         rows, factors = self._combine
-        both = (factors @ y.take(rows, axis=0))[:, 0]
+        both = (factors @ y.take(rows, 0))[:, 0]
         x = both[: len(self.spots)]
         hinges, left, right = self.kin.split(both[len(self.spots) :])
-        axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
-        arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
+        axis = np.concatenate([fixed, hinges]).take(self._axis_of, 0)
+        arm = x.take(self.pair_target, 0) - x.take(self.pair_centre, 0)
         left = left[self._slide_of]
         right = right[self._slide_of]
         return Located(y, x, axis, arm, left, right, cross(left, right))
@@ -374,7 +374,7 @@ class TwistMap:
     def values(self, at: Located) -> Array:
         """Entries of T at ``(rows, cols)``."""
         shift = cross(at.axis, at.arm)
-        turn = at.axis.take(self.pair_rotates, axis=0)
+        turn = at.axis.take(self.pair_rotates, 0)
         return np.concatenate([self._constant, shift.ravel(), turn.ravel(), at.slide.ravel()])
 
     def reduce(self, values: Array, twist_force: Array) -> Array:
@@ -416,13 +416,13 @@ class TwistMap:
         on = moved.track
         moment = cross(at.arm, force)
         moment[self.pair_rotates] += twist_force.take(moved.rotated_twist)
-        turned = cross(at1.axis.take(guided, axis=0), moment.take(guided, axis=0))
-        signed = moved.spot_sign * cross(force, at.axis).take(moved.spot_pair, axis=0)
-        arm = at1.x.take(moved.spot, axis=0) - at1.y.take(moved.spot_row, axis=0)
+        turned = cross(at1.axis.take(guided, 0), moment.take(guided, 0))
+        signed = moved.spot_sign * cross(force, at.axis).take(moved.spot_pair, 0)
+        arm = at1.x.take(moved.spot, 0) - at1.y.take(moved.spot_row, 0)
         f = twist_force[self._slide_twist[on]]
         slid = cross(at1.left[on], cross(at.right[on], f))
         slid += cross(at1.right[on], cross(f, at.left[on]))
-        swung = cross(arm, signed.take(moved.turning, axis=0))
+        swung = cross(arm, signed.take(moved.turning, 0))
         return np.concatenate([turned, signed, swung, slid]).ravel()
 
 
@@ -575,7 +575,7 @@ class Recursion:
     def arms(self, y: Array) -> Array:
         """From the origins of parents that turn to what moves as if fixed to them (turns, 3)."""
         rows, factors = self.spots
-        return (factors @ y.take(rows, axis=0))[:, 0] - y.take(self._parent_rows, axis=0)
+        return (factors @ y.take(rows, 0))[:, 0] - y.take(self._parent_rows, 0)
 
     # -- derivative of ``T^T f`` for fixed forces at the joints ----------------------------------
 
@@ -604,8 +604,8 @@ class Recursion:
         arm = self.arms(y1)
         framed = self._on_frames
         rows, factors = self.spots
-        spot = (factors[framed] @ y1.take(rows[framed], axis=0))[:, 0]
-        own = spot - y1.take(self.kin.row[child[framed]], axis=0)
+        spot = (factors[framed] @ y1.take(rows[framed], 0))[:, 0]
+        own = spot - y1.take(self.kin.row[child[framed]], 0)
         parts = [
             f[on_parent] @ skew(arm[on_parent]),
             -f[on_child],

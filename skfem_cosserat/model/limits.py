@@ -146,7 +146,7 @@ def jump(system: System, t0: float, t1: float) -> str | None:
     if found is None:
         return None
     a, b = found
-    frame = int(bends(a, b).max(axis=1).argmax()) // 4
+    frame = int(bends(a, b).max(1).argmax()) // 4
     item = owners[frame]
     when = f"jumps at t = {b:.6g} s"
     if isinstance(item, JointDrive):
@@ -387,7 +387,7 @@ def overstretched_beam(
         held = None if multipliers is None else theory_of(system.theory_rows, beam)
         if held is not None and multipliers is not None and held.can_bend:
             force = force + held.stress(multipliers)[:, :, 2] @ beam.elements.weights
-        least = _bending(beam.elements.stiffness, beam.theory.held).min(axis=1)
+        least = _bending(beam.elements.stiffness, beam.theory.held).min(1)
         bending = np.where(np.isnan(present), least, present)
         limit = factor * bending / (beam.basis.lengths**2 * stretch.clip(1e-300))
         ratio = (force / limit).round(9)  # of equal ones the first is named

@@ -284,7 +284,7 @@ class Loading:
 
         `amplitudes` (..., channels) are those of one step, or of several.
         """
-        factors = amplitudes.take(self.dead_channels, axis=-1)
+        factors = amplitudes.take(self.dead_channels, -1)
         if factors.ndim > 1 and isinstance(self.dead, np.ndarray):
             factors = factors[:, None]  # products of vectors, whose rounding is that of one step
         return (factors @ self.dead).reshape(*amplitudes.shape[:-1], -1, 3)

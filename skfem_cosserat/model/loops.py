@@ -680,8 +680,8 @@ def coordinates_in_plane(system: System) -> csr_matrix:
     assert plane is not None
     rows = plane.moving(system.q0.reshape(-1, 3), system.origin_rows)
     count = 2 * len(rows)
-    i = (3 * rows[:, None] + np.arange(3))[:, :, None].repeat(2, axis=2).ravel()
-    j = np.arange(count).reshape(-1, 1, 2).repeat(3, axis=1).ravel()
+    i = (3 * rows[:, None] + np.arange(3))[:, :, None].repeat(2, 2).ravel()
+    j = np.arange(count).reshape(-1, 1, 2).repeat(3, 1).ravel()
     values = np.broadcast_to(plane.axes.T, (len(rows), 3, 2)).ravel()
     return csr_matrix((values, (i, j)), shape=(system.n, count))
 
@@ -742,7 +742,7 @@ def _of_triads(system: System, G: csr_matrix, y: Floats) -> list[IndexArray]:
     still = np.linalg.norm(kin.directors(y) @ plane.axes.T, axis=2) <= TOLERANCE
     first = 6 * np.arange(len(still))
     kept = [(first[still[:, k]][:, None] + others).ravel() for k, others in enumerate(_WITHOUT)]
-    oblique = first[~still.any(axis=1)]
+    oblique = first[~still.any(1)]
     return [*kept, *(_pick(G, np.arange(k, k + 6)) for k in oblique)]
 
 

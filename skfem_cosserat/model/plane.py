@@ -659,7 +659,7 @@ def inspect(system: System, normal: Floats | None = None) -> Planarity:
     normals = _candidates(system) if normal is None else [normal]
     best = None
     for n in normals:
-        plane = Plane(n, system.q0.reshape(-1, 3)[system.origin_rows].mean(axis=0), system.length)
+        plane = Plane(n, system.q0.reshape(-1, 3)[system.origin_rows].mean(0), system.length)
         found = Planarity(
             plane, tuple(f"{item}: {text}" for item, text in out_of_plane(system, plane))
         )
@@ -701,7 +701,7 @@ def confine(system: System, planar: Planar) -> None:
 def _candidates(system: System) -> list[Floats]:
     """Normals: of the points, if they span a plane; else of all that points or turns somewhere."""
     x = np.array([place.position for _, place in places(system)])
-    _, sizes, V = np.linalg.svd((x - x.mean(axis=0)) / system.length, full_matrices=False)
+    _, sizes, V = np.linalg.svd((x - x.mean(0)) / system.length, full_matrices=False)
     sizes = np.append(sizes, np.zeros(3))[:3] / np.sqrt(len(x))
     if sizes[1] > 1e-6:
         axis = np.eye(3)[np.argmax(abs(V[2]))]

@@ -194,11 +194,11 @@ class QuadraticConstraints:
 
     def values(self, y: Array) -> Array:
         """``g(y)`` (m,)."""
-        products = (self._factors(y) * (y.take(self._pa, axis=0) * y.take(self._pb, axis=0))).sum(1)
+        products = (self._factors(y) * (y.take(self._pa, 0) * y.take(self._pb, 0))).sum(1)
         out = sum_at(self._pk, products, self.size) - self._constant
         if not len(self._lk):
             return out
-        return out + sum_at(self._lk, (self._lc * y.take(self._la, axis=0)).ravel(), self.size)
+        return out + sum_at(self._lk, (self._lc * y.take(self._la, 0)).ravel(), self.size)
 
     def magnitudes(self, y: Floats, rates: Floats | None = None) -> Floats:
         """Sizes (m,) of the terms of g(y), or of ``dg/dt`` for rates of y: what its error means."""
@@ -217,7 +217,7 @@ class QuadraticConstraints:
     def jacobian_values(self, y: Array) -> Array:
         """Contributions to G at ``(G_rows, G_cols)``, ground columns left out."""
         factors = self._factors(y)
-        scaled = np.concatenate([factors, factors]) * y.take(self._other, axis=0)
+        scaled = np.concatenate([factors, factors]) * y.take(self._other, 0)
         return np.concatenate([self._linear_values, scaled.ravel()]).take(self.inside)
 
     def contributions(self, which: IndexArray, y: Floats) -> Floats:

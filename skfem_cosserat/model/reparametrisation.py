@@ -88,7 +88,7 @@ class Reparametrisation:
         self._prepare_turns()
         # increments that a step starts with, not to be written to
         self._still_shift = np.zeros((len(self.shift_numbers), 3))
-        self._still_turns = np.eye(1, 4).repeat(len(self._theta), axis=0)
+        self._still_turns = np.eye(1, 4).repeat(len(self._theta), 0)
 
     def _prepare_turns(self) -> None:
         """Rotation vectors of free frames, arms on spheres and hinges: numbers and factors."""
@@ -99,7 +99,7 @@ class Reparametrisation:
         self._hinge_free[self._hinges.free] = 1.0
         single = np.concatenate([self.sphere_numbers[:, 0], hinges])
         numbers = np.broadcast_to(self.turn_numbers, (len(self.turn_numbers), 3))
-        self._theta = np.concatenate([numbers, single[:, None].repeat(3, axis=1)])
+        self._theta = np.concatenate([numbers, single[:, None].repeat(3, 1)])
         along = self._axes if self._flat else np.ones((1, 3))
         self._along = -np.broadcast_to(along, (len(self.turn_numbers), 3))
         #: first sphere, first hinge
@@ -176,12 +176,12 @@ class Reparametrisation:
         kin = self.kin
         self.y0 = y0
         self._triads0 = kin.directors(y0)
-        self._shifted0 = y0.take(self._shift_rows, axis=0)
+        self._shifted0 = y0.take(self._shift_rows, 0)
         self.fixed = kin.fixed_axes(y0)
         self._arm = self._arms_of(self._sphere_edges, y0)
         self._open_arm = self._arms_of(self._open_edges, y0)
         self._hinge_axis, left, right = kin.material_axes(y0)
-        swings = self.fixed.take(self.sphere_numbers[:, 0], axis=0)
+        swings = self.fixed.take(self.sphere_numbers[:, 0], 0)
         self._factors = np.concatenate([self._along, -swings, -self._hinge_free * self._hinge_axis])
         self._track_axis = cross(left, right)
         self._set_ground(ground1)
@@ -195,8 +195,8 @@ class Reparametrisation:
         self._driven_turns = exp_quaternion(-angle[:, None] * self._hinge_axis[self._hinges.where])
         a, b = self._tracks.ends(self.y0, ground1, self.kin.total)
         self._driven_track = b[:, 2] - a[:, 2]
-        now = ground1.take(self._ground_rows - (self.kin.total - len(ground1)), axis=0)
-        turns = self.y0.take(self._ground_rows, axis=0).transpose(0, 2, 1) @ now
+        now = ground1.take(self._ground_rows - (self.kin.total - len(ground1)), 0)
+        turns = self.y0.take(self._ground_rows, 0).transpose(0, 2, 1) @ now
         self._still = np.concatenate([turns, np.eye(3)[None]])
 
     def _arms_of(self, edges: Sequence[Edge], y: Array) -> Array:
@@ -256,28 +256,28 @@ class Reparametrisation:
         kin = self.kin
         rotations = rotation_matrix(self._turns)
         all_of_them = np.concatenate([rotations, self._still])
-        R = all_of_them.take(self._of_vertex, axis=0)
+        R = all_of_them.take(self._of_vertex, 0)
         relative = self._relative_rotations(all_of_them)
         for level in self._turning:
-            R[level.child] = relative.take(level.relative, axis=0) @ R.take(level.parent, axis=0)
-        directors = (self._triads0 @ R.take(kin.frames, axis=0)).reshape(-1, 3)
+            R[level.child] = relative.take(level.relative, 0) @ R.take(level.parent, 0)
+        directors = (self._triads0 @ R.take(kin.frames, 0)).reshape(-1, 3)
         parts = [self._shifted0 + self._shift, directors, self._ground1]
-        y = np.concatenate(parts).take(self._of_row, axis=0)
+        y = np.concatenate(parts).take(self._of_row, 0)
         arms = self._arms(y, R, rotations[self._sphere_first : self._hinge_first])
         for level in self._levels:
-            y[level.child_row] = y.take(level.parent_row, axis=0) + arms.take(level.edge, axis=0)
+            y[level.child_row] = y.take(level.parent_row, 0) + arms.take(level.edge, 0)
         return y
 
     def _relative_rotations(self, rotations: Array) -> Array:
         """``exp(alpha a_n) exp(beta b_n)`` of each child with a relative rotation, its inverse."""
-        out = rotations.take(self._of_relative, axis=0)
+        out = rotations.take(self._of_relative, 0)
         for which, number in self._layers[1:]:
             out[which] = rotations[self._hinge_first + number] @ out[which]
         return out
 
     def _arms(self, y: Array, R: Array, swings: Array) -> Array:
         """``phi_child - phi_parent`` of each edge."""
-        out = (self._arm_factors @ y.take(self._arm_rows, axis=0))[:, 0]
+        out = (self._arm_factors @ y.take(self._arm_rows, 0))[:, 0]
         out[self._sphere_at] += (self._arm[:, None] @ swings)[:, 0]
         arm = self._open_arm.astype(y.dtype)
         slide = self._track[:, None] * self._track_axis

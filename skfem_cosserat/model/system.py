@@ -278,7 +278,7 @@ class System(Pictured):
                 (y, vertices.positions, vertices.triads),
                 (rates, vertices.velocities, turning),
             ):
-                rows.append(np.concatenate([origins[:, None], directors], axis=1).reshape(-1, 3))
+                rows.append(np.concatenate([origins[:, None], directors], 1).reshape(-1, 3))
             row += 4 * count
         self.rows = row
         self.n = 3 * row

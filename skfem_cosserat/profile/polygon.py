@@ -57,7 +57,7 @@ def _encroached(points: Floats, segments: IndexArray, by: Floats) -> IndexArray:
     if len(by) == 0:
         return NO_INDICES
     ends = points[segments]
-    middle = ends.mean(axis=1)
+    middle = ends.mean(1)
     radius = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
     near = cKDTree(by).query_ball_point(middle, radius * (1 - 1e-9), return_length=True)
     return np.flatnonzero(near > 0)
@@ -115,7 +115,7 @@ def triangulate(
         if len(split):
             points, segments = _halved(points, segments, split)
             continue
-        t = t[inside(points[t].mean(axis=1)) >= 0]
+        t = t[inside(points[t].mean(1)) >= 0]
         centres, radii, shortest = _circumcircles(points, t)
         bad = np.flatnonzero((radii > SHAPE * shortest) & (shortest > floor))
         bad = bad[(-radii[bad] / shortest[bad]).argsort()]
@@ -186,7 +186,7 @@ def _corners(name: str, value: ArrayLike) -> Floats:
 
 
 def _first(bad: Any) -> int:
-    return int(np.flatnonzero(bad.any(axis=1))[0])
+    return int(np.flatnonzero(bad.any(1))[0])
 
 
 def _shapely() -> Any:
@@ -240,18 +240,18 @@ def _triangulated(shapes: list[Any]) -> MeshTri1:
     wall = 2 * sum(shape.area for shape in shapes) / lines.length  # its thickness, if it is thin
     pieces = shapely.get_parts(shapely.segmentize(lines, 2 * wall))
     ends = np.concatenate(
-        [np.stack([x[:-1], x[1:]], axis=1) for x in map(shapely.get_coordinates, pieces)]
+        [np.stack([x[:-1], x[1:]], 1) for x in map(shapely.get_coordinates, pieces)]
     )
     points, segments = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
 
     def owner(x: Floats) -> IndexArray:
         within = [shapely.contains_xy(shape, *x.T) for shape in shapes]
-        return np.where(np.any(within, axis=0), np.argmax(within, axis=0), -1)
+        return np.where(np.any(within, 0), np.argmax(within, 0), -1)
 
     for shape in shapes:
         shapely.prepare(shape)
     points, t = triangulate(points, segments.reshape(-1, 2), owner)
-    owners = owner(points[t].mean(axis=1))
+    owners = owner(points[t].mean(1))
     return MeshTri1(points.T.copy(), t.T.copy()).with_subdomains(
         {f"region {k}": np.flatnonzero(owners == k) for k in range(len(shapes))}
     )

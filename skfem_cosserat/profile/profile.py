@@ -115,7 +115,7 @@ def _checked_mesh(item: str, mesh: Mesh) -> Mesh:
     graph = coo_matrix((np.ones(pairs.shape[1]), pairs), shape=2 * (mesh.nelements,))
     parts, part = connected_components(graph, directed=False)
     if parts > 1:
-        first = mesh.p[:, mesh.t[:, [np.argmax(part == k) for k in range(2)]]].mean(axis=1)
+        first = mesh.p[:, mesh.t[:, [np.argmax(part == k) for k in range(2)]]].mean(1)
         raise InputError(
             item,
             f"the section falls into {parts} parts that share no edge, e.g. those at"
@@ -344,7 +344,7 @@ def _sizes(mesh: Mesh) -> Floats:
 
 def _centroid(mesh: Mesh) -> Floats:
     weight = _sizes(mesh)
-    return mesh.p[:, mesh.t].mean(axis=1) @ weight / weight.sum()
+    return mesh.p[:, mesh.t].mean(1) @ weight / weight.sum()
 
 
 def _marked(coarse: Warping, fine: Warping) -> IndexArray:

@@ -394,7 +394,7 @@ def _polar(mesh: MeshTri1) -> MeshTri2:
     r = np.linalg.norm(ends, axis=0)
     unit = np.divide(ends, r, out=np.zeros_like(ends), where=r > 0)
     direction = unit.sum(1)
-    middle = r.mean(axis=0) * direction / np.linalg.norm(direction, axis=0)
+    middle = r.mean(0) * direction / np.linalg.norm(direction, axis=0)
     points = out.doflocs.copy()
     points[:, out.dofs.facet_dofs[0]] = middle
     return replace(out, doflocs=points, _subdomains=mesh.subdomains)

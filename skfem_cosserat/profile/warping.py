@@ -229,7 +229,7 @@ def _rigid(basis: Basis) -> Floats:
         (zero, zero, -X_1),
         (-X_2, X_1, zero),
     )
-    return np.stack([np.stack(column, axis=1).ravel() for column in columns], axis=1)
+    return np.stack([np.stack(column, 1).ravel() for column in columns], 1)
 
 
 def _free(basis: Basis) -> IndexArray:

@@ -456,11 +456,11 @@ class EventMonitor:
     @staticmethod
     def _near(values: Floats) -> IndexArray:
         """Steps in which a number may come near to zero, which are looked at alone."""
-        near = NEAR * abs(values).max(axis=0)
+        near = NEAR * abs(values).max(0)
         side = np.sign(values[2:])
         before, start, end = side * values[:-2], side * values[1:-1], side * values[2:]
         apart = (start > near) & (end > near) & ~comes_near(before, start, end)
-        return np.flatnonzero(~apart.all(axis=1))
+        return np.flatnonzero(~apart.all(1))
 
     def _pass(self, times: Floats, numbers: Floats, which: Any = True) -> None:
         """Go on behind states at these times, with the signs of some numbers at the last one."""

@@ -85,7 +85,7 @@ class Works:
         works = block.works[:, [0, 1, 2, 4]]
         works[:, 0] += _of_strains(block)
         # one after the other, whatever the length of blocks
-        sums = np.cumsum([self.sums, *works], axis=0)[1:]
+        sums = np.cumsum([self.sums, *works], 0)[1:]
         self.sums = sums[-1]
         starts = np.full(len(block), self.drives)
         if self._driven:

@@ -172,7 +172,7 @@ class Window:
             return sensor.values(self.system, self)
         # rates by central differences along the motion
         t, q, v = self.t, self.q, self.v
-        speed = abs(v).max(axis=1, initial=0.0)
+        speed = abs(v).max(1, initial=0.0)
         s = np.divide(1e-5 * self.system.length, speed, out=np.full(len(t), 1e-5), where=speed > 0)
         ends = np.concatenate([t + np.where(t > s, -s, 0.0), t + np.where(t > s, s, 2 * s)])
         moved = np.tile(q, (2, 1)) + (ends - np.tile(t, 2))[:, None] * np.tile(v, (2, 1))
@@ -587,7 +587,7 @@ class SensorReaction(Sensor):
 
     def values(self, system: System, window: Window) -> Floats:
         """Values (k, ...) at the window's states."""
-        return np.concatenate(window.reaction(self.joint), axis=1)
+        return np.concatenate(window.reaction(self.joint), 1)
 
 
 class SensorQuantity(Sensor):

@@ -425,7 +425,7 @@ class PlainEquations:
         shares = np.zeros((self.system.rows, 1))
         for group in groups:
             np.add.at(shares, group.rows, 1.0)
-        each = [np.repeat((weights(self.system) / shares)[g.rows, 0], 3, axis=1) for g in groups]
+        each = [np.repeat((weights(self.system) / shares)[g.rows, 0], 3, 1) for g in groups]
         return [diagonal[:, :, None] * np.eye(diagonal.shape[1]) for diagonal in each]
 
     def solve(self, columns: Sequence[Array], mixed: bool = True) -> Floats:
