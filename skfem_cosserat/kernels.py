@@ -310,15 +310,6 @@ def mass_blocks(scalar: Floats) -> Floats:
     return np.einsum("eij,cd->eicjd", scalar, np.eye(3)).reshape(ne, 3 * r, 3 * r)
 
 
-def beam_strain_rate(B: Array, velocity: Array) -> Array:
-    """Strain rates ``B qdot`` (ne, ng, 6) of nodal velocities (ne, 12 nn).
-
-    With B at the midpoint of a step and ``(q_1 - q_0)/h`` they are ``(eps_1 - eps_0)/h``, exactly:
-    strains are quadratic. A rigid turn has none, however large the step.
-    """
-    return (B @ velocity[:, :, None]).reshape(len(B), -1, 6)
-
-
 def beam_viscous_stress(elements: BeamElements, rate: Array) -> Array:
     """Kelvin-Voigt part ``eta deps/dt`` (ne, ng, 6) of the resultants, for strain rates."""
     assert elements.viscosity is not None

@@ -252,7 +252,7 @@ def _level() -> int:
     level = 1
     while frame.f_back is not None and _inside(frame.f_globals.get("__name__", "")):
         frame = frame.f_back
-        level = level + 1
+        level += 1
     return level
 
 

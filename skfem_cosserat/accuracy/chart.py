@@ -368,6 +368,7 @@ def stability_chart(
     shape = (len(values), *status.shape[-2:])
     cells = status.reshape(shape)
     kinds = _kinds(status, words)
+    dashed = [*zip(lines.items(), DASHES * len(lines), strict=False)]
     across = min(len(values), 4)
     down = -(-len(values) // across)
     size = (6.5, 4.2) if across == 1 else (PAGE, 0.9 + 0.95 * PAGE / across * down)
@@ -377,7 +378,7 @@ def stability_chart(
         _cells(axis, cells[k], kinds)
         if values[k] is not None:
             axis.set_title(_text(values[k]), fontsize="small")
-        for (_, field), style in zip(lines.items(), DASHES * len(lines), strict=False):
+        for (_, field), style in dashed:
             _limit(axis, field.reshape(shape)[k], style)
     # the axes are shared: only the outer ones have numbers, and one name is enough
     right, up = (words.get(name, _with_unit(name)) for name in (names[-1], names[-2]))
@@ -394,7 +395,7 @@ def stability_chart(
     handles: list[Any] = [Patch(label=kind.words, **kind.style) for kind in kinds.values()]
     handles += [
         Line2D([], [], color="black", linestyle=style, label=text + _outside(field))
-        for (text, field), style in zip(lines.items(), DASHES * len(lines), strict=False)
+        for (text, field), style in dashed
     ]
     legend(figure, below=0 if across == 1 else 4, handles=handles)
     return write_figure(figure, path)

@@ -489,7 +489,7 @@ class Map(Report):
         if x == y or {x, y} - set(names):
             raise InputError("chart", f"x = {x!r}, y = {y!r}, expected two of {', '.join(names)}")
         fields = {text: self._line(text, line) for text, line in (lines or {}).items()}
-        order = [*[name for name in names if name not in (x, y)], y, x]
+        order = [*rest, y, x]
         places = [names.index(name) for name in order]
         return stability_chart(
             self.title if title is None else title,
