@@ -21,7 +21,7 @@ BEYOND = 1e-9
 class Stations:
     """Values (k, m) at increasing arc lengths (k,) in m, linear or smooth in between."""
 
-    def __init__(self, item: str, s: ArrayLike, values: Floats, smooth: bool = False) -> None:
+    def __init__(self, item: str, s: ArrayLike, values: Floats, smooth: bool = False):
         self.item, self.s, self.values, self.smooth = item, numbers(item, "s", s), values, smooth
         if self.s.ndim != 1 or len(self.s) < 2 or not (np.diff(self.s) > 0).all():
             text = f"s = {self.s.tolist()}, expected two or more arc lengths that increase"
@@ -39,7 +39,7 @@ class Stations:
             from scipy.interpolate import PchipInterpolator  # slow to import
 
             return PchipInterpolator(self.s, self.values)(s.clip(*self.s[[0, -1]]))
-        return np.stack([np.interp(s, self.s, column) for column in self.values.T], axis=-1)
+        return np.stack([np.interp(s, self.s, column) for column in self.values.T], -1)
 
 
 class Along(Frozen):
@@ -55,14 +55,14 @@ class Along(Frozen):
     size : int
     """
 
-    def __init__(self, item: str, name: str, given: Any, size: int) -> None:
+    def __init__(self, item: str, name: str, given: Any, size: int):
         self.item, self.name, self.size, self._given = item, name, size, given
-        if isinstance(given, tuple | list) and len(given) == 2 and np.ndim(given[0]):
+        if isinstance(given, (tuple, list)) and len(given) == 2 and np.ndim(given[0]):
             values = shaped(item, name, given[1], (np.size(given[0]), size))
             given = Stations(f"{item}, table of {name}", given[0], values)
         elif not callable(given):
             given = shaped(item, name, given, (size,))
-        self.given: Any = given
+        self.given = given
 
     def _brief(self) -> str:
         return brief(self._given)

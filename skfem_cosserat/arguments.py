@@ -59,7 +59,7 @@ _KINDS: dict[Any, tuple[str, Callable[[Any], bool]]] = {
     _Array: ("an array of numbers", lambda value: 0 < _sizes(value).ndim < 9),
     _Vector: ("three real numbers", lambda value: _sizes(value).shape == (3,)),
     float: ("a real number", lambda value: _sizes(value).shape == ()),
-    int: ("an integer", lambda value: isinstance(value, int | np.integer)),
+    int: ("an integer", lambda value: isinstance(value, (int, np.integer))),
     NoneType: ("None", lambda value: value is None),
     Any: ("anything", lambda value: True),
     ...: ("", lambda value: False),  # of tuple[float, ...]
@@ -71,7 +71,8 @@ _ARRAYS |= dict.fromkeys(("Array", "Floats", "IndexArray"), _Array)
 
 def fits(value: Any, hint: Any) -> bool:
     """True if a value is what an annotation asks for, as far as that can be told."""
-    kind, of = get_origin(hint) or hint, get_args(hint)
+    kind = get_origin(hint) or hint
+    of = get_args(hint)
     if kind in (Union, UnionType):
         return any(fits(value, each) for each in of)
     if kind is Literal:
@@ -87,13 +88,15 @@ def fits(value: Any, hint: Any) -> bool:
     except TypeError:  # a type variable, or a protocol, which cannot be asked
         return True
     if isinstance(value, Mapping):
-        value, of = value.values(), of[-1:]
+        value = value.values()
+        of = of[-1:]
     inside = value if of and isinstance(value, Collection) else ()
     return all(any(fits(entry, each) for each in of) for entry in inside)
 
 
 def _in_words(hint: Any) -> str:
-    kind, of = get_origin(hint) or hint, [each for each in get_args(hint) if each is not ...]
+    kind = get_origin(hint) or hint
+    of = [each for each in get_args(hint) if each is not ...]
     if kind in (Union, UnionType, Literal):
         return " or ".join(dict.fromkeys(map(_in_words, of)))
     if kind in _KINDS:
@@ -145,7 +148,7 @@ def checked(thing: T) -> T:
     if isinstance(thing, type):
         for name, own in list(vars(thing).items()):
             public = name == "__init__" or not name.startswith("_")
-            if public and isinstance(own, FunctionType | classmethod):
+            if public and isinstance(own, (FunctionType, classmethod)):
                 type.__setattr__(thing, name, checked(own))
         return thing
     function = cast("Callable[..., Any]", thing)

@@ -98,25 +98,26 @@ class DirectorBasis(CellBasis):
         mesh: MeshCurve,
         order: int | Interpolation = 1,
         quadrature: tuple[Any, Any] | None = None,
-    ) -> None:
+    ):
         if not isinstance(mesh, MeshCurve):
             raise MeshError("argument mesh", f"got {type(mesh).__name__}, expected a MeshCurve")
-        self.mesh, self._quadrature = mesh, quadrature
+        self.mesh = mesh
+        self._quadrature = quadrature
         self.interpolation = kind = interpolation(order)
         self.order = p = kind.order
         #: shape functions at the points of the quadrature rule
         self.tabulated = kind.tabulated(*_checked_rule(quadrature)) if quadrature else kind.reduced
         self.points, self.weights = self.tabulated.points, self.tabulated.weights
-        ne, nv = mesh.t.shape[1], mesh.p.shape[1]
+        ne = mesh.t.shape[1]
+        nv = mesh.p.shape[1]
         self.n_nodes = nv + ne * (p - 1)
-        self.connectivity = np.empty((ne, p + 1), dtype=np.int64)
+        self.connectivity = np.empty((ne, p + 1), np.int64)
         self.connectivity[:, 0], self.connectivity[:, -1] = mesh.t
         self.connectivity[:, 1:-1] = np.arange(nv, self.n_nodes).reshape(ne, p - 1)
         self.lengths = mesh.lengths
         self.nodes = np.empty((self.n_nodes, 3))
         if p > 1:
-            places = mesh.mapping().F(kind.nodes[None])
-            self.nodes[self.connectivity] = np.moveaxis(places, 0, -1)
+            self.nodes[self.connectivity] = np.moveaxis(mesh.mapping().F(kind.nodes[None]), 0, -1)
         self.nodes[:nv] = mesh.p.T
         lock_arrays(self)
         self._built = False
@@ -140,7 +141,7 @@ class DirectorBasis(CellBasis):
         rule = self.points[None], self.weights
         element = ElementDirector(self.interpolation)
         super().__init__(self.mesh, element, quadrature=rule, disable_doflocs=True)
-        self.doflocs = np.repeat(self.nodes.T, 12, axis=1)
+        self.doflocs = self.nodes.T.repeat(12, 1)
         lock_arrays(self)
 
     @property
@@ -201,8 +202,7 @@ class DirectorBasis(CellBasis):
         True
         """
         if quadrature is None:
-            count = self.order + 1 if intorder is None else int(intorder) // 2 + 1
-            quadrature = self._rule(count)
+            quadrature = self._rule(self.order + 1 if intorder is None else int(intorder) // 2 + 1)
         element = ElementLineLobatto(self.interpolation)
         return CellBasis(self.mesh, element, mapping=self.mapping, quadrature=quadrature)
 
@@ -275,8 +275,7 @@ class DirectorBasis(CellBasis):
 
         Of the given elements (all by default).
         """
-        measure = self._measure(elements)
-        return (self.interpolation.full.values[:, None] * measure).sum(-1).T.copy()
+        return (self.interpolation.full.values[:, None] * self._measure(elements)).sum(-1).T.copy()
 
     def _measure(self, elements: IndexArray | slice) -> Floats:
         """Weights (ne, nq) of full integration, in m."""
@@ -289,7 +288,7 @@ class DirectorBasis(CellBasis):
         value = coefficient
         if callable(coefficient):
             value = coefficient(self.mesh.mapping().F(points[None]))
-        array = np.asarray(value, dtype=float)
+        array = np.asarray(value, float)
         if array.shape == shape[:1] and not callable(coefficient):
             array = array[:, None]
         if array.shape not in {(), (shape[0], 1), shape}:
@@ -397,15 +396,14 @@ class DirectorBasis(CellBasis):
             where the two agree to 1e-12.
         """
         out = np.einsum("eaik,eajk->eaij", triads, self.nodal_triads(triads)[self.connectivity])
-        same = np.abs(out - np.eye(3)).max(axis=(-2, -1)) < SAME
-        out[same] = np.eye(3)
+        out[abs(out - np.eye(3)).max((-2, -1)) < SAME] = np.eye(3)
         return out
 
 
 def _checked_rule(quadrature: tuple[Any, Any]) -> tuple[Floats, Floats]:
     """Points and weights (nq,) of a rule given as scikit-fem wants it."""
-    points = np.atleast_2d(np.asarray(quadrature[0], dtype=float))
-    weights = np.asarray(quadrature[1], dtype=float)
+    points = np.atleast_2d(np.asarray(quadrature[0], float))
+    weights = np.asarray(quadrature[1], float)
     if points.shape[0] != 1 or weights.shape != points.shape[1:]:
         raise InputError(
             "argument quadrature",
@@ -423,7 +421,7 @@ def _local_dofs(basis: Any) -> IndexArray:
     """Degrees of freedom (ne, k) of elements in the order of element arrays."""
     if isinstance(basis, DirectorBasis):
         return basis.element_dof_rows
-    return np.asarray(basis.element_dofs, dtype=np.int64).T
+    return np.asarray(basis.element_dofs, np.int64).T
 
 
 class ElementForm(Form):
@@ -463,9 +461,7 @@ class ElementForm(Form):
 
     def __call__(self, *args: Any) -> Any:
         """Use as a decorator."""
-        if self.form is None:
-            return type(self)(args[0])
-        return super().__call__(*args)
+        return type(self)(args[0]) if self.form is None else super().__call__(*args)
 
     def _assemble(
         self, basis: Any, *, idx: Any = None, **params: Any
@@ -592,7 +588,7 @@ def error_norms(
     for name, function in (("exact", exact), ("derivative", derivative or exact)):
         if not callable(function):
             raise InputError(f"argument {name}", f"{function!r}, expected a function")
-    values = np.asarray(field, dtype=float)
+    values = np.asarray(field, float)
     if values.shape == (basis.N,):
         values = values.reshape(-1, 12)
     values = values.reshape(len(values), -1)
@@ -612,9 +608,9 @@ def error_norms(
 
 def _norm(scalar: CellBasis, found: Floats, exact: ArrayLike) -> float:
     """L2 norm of the difference of values (k, ne, nq) at quadrature points."""
-    wanted = np.asarray(exact, dtype=float)
+    wanted = np.asarray(exact, float)
     wanted = wanted[None] if wanted.ndim == 2 else wanted
     if wanted.shape != found.shape:
         raise InputError("argument exact", f"returned shape {wanted.shape}, expected {found.shape}")
-    square = ((found - wanted) ** 2).sum(axis=0)
+    square = ((found - wanted) ** 2).sum(0)
     return float(np.sqrt(Functional(lambda w: w.square).assemble(scalar, square=square)))

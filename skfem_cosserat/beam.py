@@ -27,6 +27,7 @@ from .kernels import (
     beam_stress,
     beam_tangent,
     exp_quaternion,
+    mass_blocks,
     null_space_blocks,
     rotation_matrix,
 )
@@ -119,7 +120,7 @@ class Beam(LineItem):
         lumped: bool = False,
         theory: Theory | None = None,
         strain: Any = None,
-    ) -> None:
+    ):
         if not isinstance(mesh, MeshCurve):
             raise InputError(
                 self.label, f"mesh is {type(mesh).__name__}, expected MeshCurve (lines in space)"
@@ -138,7 +139,8 @@ class Beam(LineItem):
             raise InputError(self.label, f"lumped with {other!r}, expected Gauss-Lobatto nodes")
         self._sections, self.section_id = self._assign(section)
         triads = self.basis.triads(directors=director, twist=twist)
-        kind, nodes = self.basis.interpolation, self.basis.connectivity
+        kind = self.basis.interpolation
+        nodes = self.basis.connectivity
         with Notices() as notices:
             check_bends(mesh, kind, nodes, self.basis.nodes[nodes], triads, self.label)
             self._check_thickness()
@@ -151,9 +153,7 @@ class Beam(LineItem):
         self._strain = Along(self.label, "strain", free, 6)
         self.velocity = self._field("velocity", velocity)
         self.angular_velocity = self._field("angular_velocity", angular_velocity)
-        self.reference = np.concatenate([self.basis.nodes[:, None], self.triads], axis=1).reshape(
-            -1
-        )
+        self.reference = np.concatenate([self.basis.nodes[:, None], self.triads], 1).reshape(-1)
         self.elements = self._elements()
         free = self.strains_at(np.arange(mesh.nelements), self.elements.points)
         if free[..., list(self.theory.held)].any():
@@ -187,7 +187,7 @@ class Beam(LineItem):
         for k, name in enumerate(rows.pop("sections")):
             own = np.flatnonzero(self.section_id == k)
             ends = own[np.argsort(starts[own])][[0, -1]]
-            first, last = np.diagonal(self.sections_at(ends, np.array([0.0, 1.0])))
+            first, last = self.sections_at(ends, np.array([0.0, 1.0])).diagonal()
             both = {"start": first.summary(), "end": last.summary()}
             rows[name] = both if first is not last else first.summary()
         return rows
@@ -207,16 +207,17 @@ class Beam(LineItem):
     ) -> tuple[dict[str, Section | SectionField], IndexArray]:
         ne = self.mesh.nelements
         if not isinstance(section, Mapping) or not section:
-            return {"section": self._section("= ", section)}, np.zeros(ne, dtype=np.int64)
-        number = np.full(ne, -1, dtype=np.int64)
+            return {"section": self._section("= ", section)}, np.zeros(ne, np.int64)
+        number = np.full(ne, -1, np.int64)
         given = {name: self._section(f"of part {name!r} is ", x) for name, x in section.items()}
         for k, name in enumerate(given):
             ids = self.mesh.elements_of(name)
             taken = ids[number[ids] >= 0]
             if len(taken):
-                other = list(given)[number[taken[0]]]
                 raise InputError(
-                    self.label, f"element {taken[0]} gets two sections, of {other!r} and {name!r}"
+                    self.label,
+                    f"element {taken[0]} gets two sections, of"
+                    f" {list(given)[number[taken[0]]]!r} and {name!r}",
                 )
             number[ids] = k
         missing = np.flatnonzero(number < 0)
@@ -229,7 +230,7 @@ class Beam(LineItem):
         return given, number
 
     def _section(self, text: str, given: Any) -> Section | SectionField:
-        if isinstance(given, Section | SectionField):
+        if isinstance(given, (Section, SectionField)):
             return given
         if not callable(given) or isinstance(given, type):
             expected = "expected Section, SectionField, function of arc length or dict of them"
@@ -262,7 +263,8 @@ class Beam(LineItem):
 
         Lines are those of some elements that have one owner.
         """
-        out, lengths = np.full((2, self.mesh.nelements), np.nan), self.mesh.lengths[ids]
+        out = np.full((2, self.mesh.nelements), np.nan)
+        lengths = self.mesh.lengths[ids]
         if len(ids):
             chains = find_chains(self.mesh.t[:, ids], owner[ids], list(names))
             out[0, ids] = arc_starts(chains, lengths)
@@ -286,8 +288,8 @@ class Beam(LineItem):
             Reference coordinates in [0, 1].
         """
         at = np.broadcast_to(xi, (len(elements), np.shape(xi)[-1]))
-        given = np.array(list(self.sections.values()), dtype=object)[self.section_id[elements]]
-        out = given[:, None].repeat(at.shape[1], axis=1)
+        given = np.array(list(self.sections.values()), object)[self.section_id[elements]]
+        out = given[:, None].repeat(at.shape[1], 1)
         starts, totals = self._part_lengths()
         for m in np.flatnonzero(np.isfinite(totals[elements])):
             e = elements[m]
@@ -386,7 +388,8 @@ class Beam(LineItem):
 
     def __getstate__(self) -> dict[str, Any]:
         """Without functions, which need not reach other processes; sections as arrays."""
-        kind, every = self.basis.interpolation, np.arange(self.mesh.nelements)
+        kind = self.basis.interpolation
+        every = np.arange(self.mesh.nelements)
         even = np.linspace(0.0, 1.0, kind.order + 1)
         xi = np.concatenate([kind.nodes, kind.full.points, self.elements.points, even, [0.5]])
         xi = np.unique(xi.round(14))
@@ -487,7 +490,8 @@ class Beam(LineItem):
             strain=strain,
         )
         e, xi = places_in(self.mesh, mesh, beam.basis.interpolation.nodes)
-        shape, nodes = self.basis.shape(xi), self.basis.connectivity[e]
+        shape = self.basis.shape(xi)
+        nodes = self.basis.connectivity[e]
         for name in ("velocity", "angular_velocity"):
             rates = np.zeros_like(beam.basis.nodes)
             old = getattr(self, name)[nodes]
@@ -508,7 +512,8 @@ class Beam(LineItem):
         >>> body.mass, body.center.round(12).tolist()   # along its d3
         (6.0, [0.0, 0.0, 1.0])
         """
-        origin, triad = self.basis.nodes[0], self.triads[0]
+        origin = self.basis.nodes[0]
+        triad = self.triads[0]
         # phi and directors of each node by those of the first one
         carried = np.zeros((len(self.triads), 4, 4))
         carried[:, 0, 0] = 1
@@ -558,7 +563,8 @@ class Beam(LineItem):
 
         def tangent(basis: DirectorBasis, q: Array) -> Array:
             eps, B = beam_strain(self.elements, self.gather(q))
-            stress, moduli = beam_stress(self.elements, eps), beam_moduli(self.elements, eps)
+            stress = beam_stress(self.elements, eps)
+            moduli = beam_moduli(self.elements, eps)
             return beam_tangent(self.elements, B, B, stress, 1.0, 1.0, moduli)
 
         return ElementMatrix(tangent)
@@ -567,9 +573,7 @@ class Beam(LineItem):
         """Mass matrix (114) as a scikit-fem form: ``assemble(beam.basis)``."""
 
         def mass(basis: DirectorBasis) -> Array:
-            scalar = self.scalar_mass()
-            ne, k = scalar.shape[:2]
-            return np.einsum("eij,cd->eicjd", scalar, np.eye(3)).reshape(ne, 3 * k, 3 * k)
+            return mass_blocks(self.scalar_mass())
 
         return ElementMatrix(mass)
 
@@ -598,7 +602,8 @@ class Beam(LineItem):
         >>> round(float(np.sqrt(square)) / (2 * np.pi), 2), round(3.516 * 500**0.5 / (2 * np.pi), 2)
         (12.51, 12.51)
         """
-        q, basis = self.reference, self.basis
+        q = self.reference
+        basis = self.basis
         force = self.internal_force_form().assemble(basis, q=q)
         K, _ = self.reduce(self.tangent_form().assemble(basis, q=q), force, q)
         P = self._motions(q)
@@ -645,12 +650,13 @@ class Beam(LineItem):
         if np.shape(K) != (n, n):
             raise InputError("argument K", f"has shape {np.shape(K)}, expected ({n}, {n})")
         forces = shaped("argument", "r", r, (n,)).reshape(-1, 4, 3)[:, 1:]
-        P, d = self._motions(q), shaped("argument", "q", q, (n,)).reshape(-1, 4, 3)[:, 1:]
+        P = self._motions(q)
+        d = shaped("argument", "q", q, (n,)).reshape(-1, 4, 3)[:, 1:]
         # directors turn with the rotation: d_i x r_i changes by (theta x d_i) x r_i
         turned = np.zeros((len(d), 6, 6))
         turned[:, 3:, 3:] = np.einsum("nia,nib->nab", d, forces)
         turned[:, 3:, 3:] -= (d * forces).sum((1, 2))[:, None, None] * np.eye(3)
-        return csr_matrix(P.T @ K @ P + _diagonal(turned)), P.T @ np.asarray(r, dtype=float)
+        return csr_matrix(P.T @ K @ P + _diagonal(turned)), P.T @ np.asarray(r, float)
 
     def update(self, q: ArrayLike, du: ArrayLike) -> Floats:
         """Coordinates (12 N,) after displacements and rotations of the nodes.
@@ -716,10 +722,13 @@ class Beam(LineItem):
 
     def scalar_mass(self) -> Floats:
         """Element mass without the factor I_3: (ne, 4 nn, 4 nn), rows (phi, d1, d2, d3) a node."""
-        kind, measure = self.basis.interpolation, self.basis.elemental_load()
-        points, values = kind.nodes, np.eye(len(kind.nodes))
+        kind = self.basis.interpolation
+        measure = self.basis.elemental_load()
+        points = kind.nodes
+        values = np.eye(len(kind.nodes))
         if not self.lumped:
-            points, values = kind.full.points, kind.full.values
+            points = kind.full.points
+            values = kind.full.values
             measure = self.basis.lengths[:, None] * kind.full.weights
         ne, nn = self.basis.connectivity.shape
         kinds, number = distinct(self.sections_at(np.arange(ne), points))
@@ -806,7 +815,8 @@ class Beam(LineItem):
         """
         a = self.basis.node(which)
         note = f" node {which!r}" if isinstance(which, str) else f" node {a}"
-        X, triad = vector(self.label, "offset", offset), self.triads[a].copy()
+        X = vector(self.label, "offset", offset)
+        triad = self.triads[a].copy()
         return Place(self, a, self.basis.nodes[a] + X @ triad, X, triad, None, note)
 
 

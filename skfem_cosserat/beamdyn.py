@@ -101,8 +101,7 @@ def read_beamdyn(path: FilePath, order: int = 3) -> BladeBeamDyn:
     twist = CubicSpline(curve.knots, -0.5 * np.pi - np.radians(angles), bc_type="not-a-knot")
 
     model = Model()
-    blade = Beam(mesh, table, order=order, director=(0.0, 1.0, 0.0), twist=twist)
-    beam = model.add("blade", blade)
+    beam = model.add("blade", Beam(mesh, table, order=order, director=(0.0, 1.0, 0.0), twist=twist))
     model.add("root", JointFixed(ground(points[0]), beam.node("blade.start")))
     left = tuple(name for name in primary.entries if name not in READ)
     return BladeBeamDyn(mesh, table, twist, model, beam, left)
@@ -111,7 +110,7 @@ def read_beamdyn(path: FilePath, order: int = 3) -> BladeBeamDyn:
 class _Lines:
     """A file line by line, with entries ``value name - what it is``."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path):
         self.path = path
         try:
             self.lines = path.read_text(errors="replace").splitlines()
@@ -157,7 +156,8 @@ class _Lines:
 
 def _key_points(primary: _Lines) -> tuple[Floats, Floats]:
     """Key points (k, 3) in m, and twists (k,) in degrees."""
-    count, members = primary.count("kp_total"), primary.count("member_total")
+    count = primary.count("kp_total")
+    members = primary.count("member_total")
     first = primary.entries["kp_total"] + 1 + members + 2  # two lines of headings
     rows = np.array([primary.numbers(k, 4) for k in range(first, first + count)])
     return rows[:, :3], rows[:, 3]
@@ -165,7 +165,8 @@ def _key_points(primary: _Lines) -> tuple[Floats, Floats]:
 
 def _stations(blade: _Lines, length: float) -> SectionTable:
     """The table of a blade file, for a line of this length (m)."""
-    count, kind = blade.count("station_total"), blade.count("damp_type")
+    count = blade.count("station_total")
+    kind = blade.count("damp_type")
     end = len(blade.lines)
     rows = [k for k in range(end) if blade.lines[k].split()]
     titles = [i for i, k in enumerate(rows) if blade.lines[k].lstrip().startswith("---")]
@@ -202,7 +203,8 @@ def _station(rows: Floats, mu: Floats) -> Section:
 
     InputError for matrices that no flat section has.
     """
-    D, M = rows[:6], rows[6:]
+    D = rows[:6]
+    M = rows[6:]
     mass, a, b, c = M[0, 0], M[4, 4], -M[3, 4], M[3, 3]
     centre = np.array([M[1, 5], -M[0, 5]]) / mass
     arm = mass * skew(np.append(centre, 0.0))

@@ -23,15 +23,14 @@ class _Lump(StructuralItem):
         position: ArrayLike | None,
         velocity: ArrayLike | None,
         **others: ArrayLike | None,
-    ) -> None:
+    ):
         self.mass = positive(self.label, "mass", mass)
         if on is not None and not isinstance(on, Place):
             raise InputError(self.label, f"on is {no_place(on)}")
         if on is not None and (on.item is None or on.triad is None):
             raise InputError(self.label, f"cannot be attached to {on.label}: needs a triad")
         if on is not None:
-            given = {"position": position, "velocity": velocity, **others}
-            for name, value in given.items():
+            for name, value in {"position": position, "velocity": velocity, **others}.items():
                 if value is not None:
                     raise InputError(
                         self.label,
@@ -97,7 +96,7 @@ class MassPoint(_Lump):
         position: ArrayLike | None = None,
         velocity: ArrayLike | None = None,
         on: Place | None = None,
-    ) -> None:
+    ):
         super().__init__(mass, on, position, velocity)
 
     def vertices(self) -> Vertices | None:
@@ -186,7 +185,7 @@ class RigidBody(_Lump):
         angular_velocity: ArrayLike | None = None,
         surface: tuple[ArrayLike, ArrayLike] | None = None,
         on: Place | None = None,
-    ) -> None:
+    ):
         super().__init__(
             mass, on, position, velocity, triad=triad, angular_velocity=angular_velocity
         )
@@ -208,12 +207,11 @@ class RigidBody(_Lump):
         if (inertia is None) == (euler is None):
             raise InputError(self.label, "give either inertia or euler, not both and not neither")
         name = "inertia" if euler is None else "euler"
-        given = inertia if euler is None else euler
-        value = shaped(self.label, name, given, (3,), (3, 3))
+        value = shaped(self.label, name, inertia if euler is None else euler, (3,), (3, 3))
         if value.ndim == 1:
             value = np.diag(value)
         value = symmetric(self.label, name, value)
-        E = value if euler is not None else np.trace(value) / 2 * np.eye(3) - value
+        E = value if euler is not None else value.trace() / 2 * np.eye(3) - value
         lowest = float(np.linalg.eigvalsh(E)[0])
         if lowest < -1e-12 * abs(value).max():
             raise InputError(
@@ -225,7 +223,8 @@ class RigidBody(_Lump):
         return E
 
     def _checked_surface(self, points: ArrayLike, faces: ArrayLike) -> tuple[Floats, Any]:
-        x, triangles = numbers(self.label, "surface points", points), np.array(faces)
+        x = numbers(self.label, "surface points", points)
+        triangles = np.array(faces)
         if x.ndim != 2 or x.shape[1] != 3 or not np.isfinite(x).all():
             raise InputError(
                 self.label, f"surface points of shape {x.shape}, expected finite numbers (nv, 3)"
@@ -465,21 +464,33 @@ def _lengths(shape: str, **values: float) -> list[float]:
 
 _BOX = np.array(
     [
-        *([0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1]),
-        *([2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]),
+        [0, 1, 3],
+        [0, 3, 2],
+        [4, 6, 7],
+        [4, 7, 5],
+        [0, 4, 5],
+        [0, 5, 1],
+        [2, 3, 7],
+        [2, 7, 6],
+        [0, 2, 6],
+        [0, 6, 4],
+        [1, 5, 7],
+        [1, 7, 3],
     ]
 )
 
 
 def _revolved(radii: Floats, heights: Floats, end: float, sides: int) -> tuple[Floats, Any]:
     """Points (nv, 3) and triangles (nf, 3) of rings about d3 from the top, closed at +-`end`."""
-    turn, i = 2 * np.pi * np.arange(sides) / sides, np.arange(sides)
+    turn = 2 * np.pi * np.arange(sides) / sides
+    i = np.arange(sides)
     ring = np.column_stack([np.cos(turn), np.sin(turn)])
     rings = [np.c_[r * ring, np.full(sides, z)] for r, z in zip(radii, heights, strict=True)]
     points = np.vstack([*rings, [[0, 0, end], [0, 0, -end]]])
-    j, last = (i + 1) % sides, sides * (len(rings) - 1)
-    top, bottom = np.full(sides, len(points) - 2), np.full(sides, len(points) - 1)
-    faces = [(top, i, j), (bottom, j + last, i + last)]
+    j = (i + 1) % sides
+    last = sides * (len(rings) - 1)
+    top = np.full(sides, len(points) - 2)
+    faces = [(top, i, j), (np.full(sides, len(points) - 1), j + last, i + last)]
     for k in range(0, last, sides):
         faces += [(i + k, i + k + sides, j + k + sides), (i + k, j + k + sides, j + k)]
     return points, np.vstack([np.column_stack(face) for face in faces])

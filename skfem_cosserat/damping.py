@@ -62,7 +62,7 @@ class RayleighDamping(Item):
         mass: float = 0.0,
         stiffness: float = 0.0,
         items: Item | Iterable[Item] | None = None,
-    ) -> None:
+    ):
         self.mass = not_negative(self.label, "mass", mass)
         self.stiffness = not_negative(self.label, "stiffness", stiffness)
         if self.mass == self.stiffness == 0:
@@ -142,7 +142,7 @@ class RayleighDamping(Item):
                 raise InputError(self.label, f"items: {item.label} is named twice")
         if not out:
             raise InputError(self.label, "items is empty: it does nothing; leave it out for all")
-        if self.stiffness and not any(is_beam(item) for item in out):
+        if self.stiffness and not any(map(is_beam, out)):
             raise InputError(
                 self.label,
                 f"stiffness = {self.stiffness:g} s damps beams, and items has none:"

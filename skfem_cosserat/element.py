@@ -261,7 +261,7 @@ def lagrange(nodes: Floats, xi: ArrayLike) -> Array:
     for a, own in enumerate(nodes):
         others = np.delete(nodes, a)
         scale = np.prod(own - others)
-        rows.append(np.prod([np.ones_like(x), *(x - other for other in others)], axis=0) / scale)
+        rows.append(np.prod([np.ones_like(x), *(x - other for other in others)], 0) / scale)
     return np.array(rows)
 
 
@@ -291,10 +291,10 @@ def shape_derivatives(order: int | Interpolation, xi: ArrayLike) -> Array:
     for a, own in enumerate(nodes):
         others = np.delete(nodes, a)
         scale = np.prod(own - others)
-        total = np.zeros(x.shape, dtype=np.result_type(x, float))
+        total = np.zeros(x.shape, np.result_type(x, float))
         for k in range(len(others)):
             factors = [x - other for other in np.delete(others, k)]
-            total = total + np.prod([np.ones_like(total), *factors], axis=0)
+            total = total + np.prod([np.ones_like(total), *factors], 0)
         rows.append(total / scale)
     return np.array(rows)
 
@@ -321,7 +321,7 @@ class ElementLineLobatto(ElementH1):
     refdom = RefLine
     nodal_dofs = 1
 
-    def __init__(self, order: int | Interpolation = 1) -> None:
+    def __init__(self, order: int | Interpolation = 1):
         self.interpolation = interpolation(order)
         self.order = self.interpolation.order
         self.interior_dofs = self.order - 1
@@ -356,7 +356,7 @@ class ElementDirector(ElementVector):
     ['phi_3', 'd1_1', 'd1_2']
     """
 
-    def __init__(self, order: int | Interpolation = 1) -> None:
+    def __init__(self, order: int | Interpolation = 1):
         super().__init__(ElementLineLobatto(order), 12)
         names = [f"{v}_{i}" for v in ("phi", "d1", "d2", "d3") for i in (1, 2, 3)]
         self.dofnames = names * self.elem.order
@@ -378,7 +378,7 @@ class ElementMotion(ElementVector):
     ['u_3', 'theta_1', 'theta_2']
     """
 
-    def __init__(self, order: int | Interpolation = 1) -> None:
+    def __init__(self, order: int | Interpolation = 1):
         super().__init__(ElementLineLobatto(order), 6)
         names = [f"{v}_{i}" for v in ("u", "theta") for i in (1, 2, 3)]
         self.dofnames = names * self.elem.order

@@ -59,7 +59,7 @@ class InputError(CosseratError, ValueError):
     mass point: mass = -1.0, expected a positive finite number
     """
 
-    def __init__(self, item: str, message: str) -> None:
+    def __init__(self, item: str, message: str):
         self.item = item
         super().__init__(f"{item}: {message}")
 
@@ -135,8 +135,9 @@ class StorageError(CosseratError, OSError):
         reason: OSError,
         advice: str,
         time: float | None = None,
-    ) -> None:
-        self.path, self.time = os.fspath(path), time
+    ):
+        self.path = os.fspath(path)
+        self.time = time
         self.history: Any = None
         when = "" if time is None else f" at t = {time:.6g}"
         why = reason.strerror or type(reason).__name__
@@ -257,7 +258,7 @@ class Diverged(CosseratError, RuntimeError):
         at: str | None = None,
         settings: Any = None,
         effort: str = "",
-    ) -> None:
+    ):
         self.time = time
         self.step = step
         self.residual = residual
@@ -304,8 +305,9 @@ class JobError(CosseratError, RuntimeError):
     JobError job 'lock': its value, of type lock, cannot travel between processes: TypeError: ...
     """
 
-    def __init__(self, job: str, reason: str) -> None:
-        self.job, self.reason = job, reason
+    def __init__(self, job: str, reason: str):
+        self.job = job
+        self.reason = reason
         super().__init__(f"job {job!r}: {reason}")
 
 

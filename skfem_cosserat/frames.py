@@ -76,7 +76,7 @@ def triad(d3: ArrayLike, d1: ArrayLike | None = None) -> Floats:
     if length == 0:
         raise InputError("triad", "d3 is the zero vector")
     third /= length
-    hint = np.eye(3)[np.argmin(abs(third))] if d1 is None else vector("triad", "d1", d1)
+    hint = np.eye(3)[abs(third).argmin()] if d1 is None else vector("triad", "d1", d1)
     first = hint - (hint @ third) * third
     length = float(np.linalg.norm(first))
     if length <= 1e-6 * np.linalg.norm(hint):
@@ -195,7 +195,8 @@ class Item(Attached):
         return self.label
 
     def __repr__(self) -> str:
-        own, shown = "" if self.name is None else f" {self.name!r}", self._shown()
+        own = "" if self.name is None else f" {self.name!r}"
+        shown = self._shown()
         return f"<{type(self).__name__}{own}{shown and ': '}{shown}>"
 
     def references(self) -> Sequence[Item]:
@@ -240,7 +241,7 @@ class LineItem(StructuralItem):
     where = "beam.node('tip')"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Place(Attached):
     """A material point of an item, or a point of the ground.
 
@@ -324,7 +325,7 @@ class Place(Attached):
     def label(self) -> str:
         """Name in messages: its item and its position."""
         where = "ground" if self.item is None else self.item.label
-        return f"{where}{self.note} at {np.round(self.position, 9).tolist()}"
+        return f"{where}{self.note} at {self.position.round(9).tolist()}"
 
     @property
     def _called(self) -> str:
@@ -487,7 +488,7 @@ class MotionTurn(Motion):
         axis: ArrayLike,
         angle: Callable[[float], float],
         centre: ArrayLike = (0.0, 0.0, 0.0),
-    ) -> None:
+    ):
         super().__init__()
         item = "turning motion"
         if not callable(angle):
@@ -498,8 +499,8 @@ class MotionTurn(Motion):
 
     def frame(self, place: Place, t: float) -> Floats:
         """Rows ``(x, d1, d2, d3)`` (4, 3) of a ground place turned by the angle at time ``t``."""
-        item, expected = f"turning motion of the {place.label}", f"a finite number at t = {t!r}"
-        value = finite(item, "angle", self.angle(t), expected)
+        item = f"turning motion of the {place.label}"
+        value = finite(item, "angle", self.angle(t), f"a finite number at t = {t!r}")
         R = rotation_matrix(exp_quaternion(value * self.axis))
         out = np.empty((4, 3))
         out[0] = self.centre + R @ (place.position - self.centre)
@@ -544,7 +545,7 @@ class MotionShake(Motion):
     accelerations: Floats
     _path: BSpline
 
-    def __init__(self, times: ArrayLike, accelerations: ArrayLike, baseline: bool = False) -> None:
+    def __init__(self, times: ArrayLike, accelerations: ArrayLike, baseline: bool = False):
         super().__init__()
         item = "shaking motion"
         t = numbers(item, "times", times)
@@ -557,7 +558,7 @@ class MotionShake(Motion):
         if not (np.isfinite(t).all() and np.isfinite(a).all()):
             raise InputError(item, "times or accelerations are not finite")
         if (np.diff(t) <= 0).any():
-            bad = np.argmax(np.diff(t) <= 0)
+            bad = (np.diff(t) <= 0).argmax()
             raise InputError(item, f"times do not increase: {t[bad]} is followed by {t[bad + 1]}")
         if switch(item, baseline, "baseline"):
             path = _integrated(t, a)
@@ -582,7 +583,8 @@ def _integrated(t: Floats, a: Floats) -> BSpline:
 
 def _drift(t: Floats, x: Floats, v: Floats) -> Floats:
     """The straight line of accelerations (k, 3) that ends at x with velocity v."""
-    T, s = t[-1] - t[0], (t - t[0])[:, None]
+    T = t[-1] - t[0]
+    s = (t - t[0])[:, None]
     # c + d s: velocity c T + d T^2/2, displacement c T^2/2 + d T^3/6
     c = 6 * x / T**2 - 2 * v / T
     return c + (6 * v / T**2 - 12 * x / T**3) * s

@@ -216,7 +216,7 @@ class Replacements:
     (True, True)
     """
 
-    def __init__(self, replaced: Mapping[Any, Any]) -> None:
+    def __init__(self, replaced: Mapping[Any, Any]):
         # kept with the copies, or a number of identity might be taken again
         self._made = {id(old): (old, new) for old, new in replaced.items()}
 
@@ -227,7 +227,7 @@ class Replacements:
                 self._made[id(value)] = (value, seal(value.with_replacements(self)))
             return self._made[id(value)][1]
         if type(value) in (list, tuple):
-            return type(value)(self.of(each) for each in value)
+            return type(value)(map(self.of, value))
         if type(value) is dict:
             return {key: self.of(each) for key, each in value.items()}
         return value

@@ -104,7 +104,7 @@ class SectionHyperelastic(Section):
         gradient: StrainFunction | None = None,
         hessian: StrainFunction | None = None,
         strains: ArrayLike | None = None,
-    ) -> None:
+    ):
         law = stored_law(energy, gradient, hessian, strains)
         super().__init__(law.stiffness, mass, inertia, outline, viscosity, centre)
         self._law = law
@@ -234,7 +234,7 @@ def _check_calls(law: LawStored, given: dict[str, Any], points: Floats) -> None:
         for how, found in others.items():
             wrong = abs(found - first) * weight > 1e-9 * size
             if wrong.any():
-                at = tuple(int(k) for k in np.argwhere(wrong)[0])
+                at = tuple(map(int, np.argwhere(wrong)[0]))
                 raise InputError(
                     ITEM,
                     f"{name} at strains {_text(points[at[0]])} is {first[at]:.9g}, and"
@@ -259,7 +259,7 @@ def _differences(law: LawStored, name: str, points: Floats, found: Floats) -> Fl
     for step in (DIFFERENCE, 0.1 * DIFFERENCE, 0.01 * DIFFERENCE):
         new = difference(function, points, step * law.scale)
         if name == "hessian":
-            new = np.swapaxes(new, -1, -2)
+            new = new.swapaxes(-1, -2)
         out = np.where(abs(new - found) < abs(out - found), new, out)
     return out
 
@@ -275,7 +275,7 @@ def _compare(law: LawStored, name: str, points: Floats, made: bool = False) -> N
     error = abs(found - wanted) * weight / size
     if error.max() <= TOLERANCE:
         return
-    k, *entry = (int(i) for i in np.unravel_index(np.argmax(error), error.shape))
+    k, *entry = map(int, np.unravel_index(np.argmax(error), error.shape))
     of = "energy" if name == "gradient" else "gradient"
     if made:
         hint = (

@@ -114,9 +114,8 @@ class Joint(Item):
     #: which sides must have a triad
     framed_sides: tuple[str, ...] = ("a", "b")
 
-    def __init__(self, a: Place, b: Place) -> None:
-        instead = "a spherical or a distance joint"
-        check_sides(self.label, a, b, self.framed_sides, instead)
+    def __init__(self, a: Place, b: Place):
+        check_sides(self.label, a, b, self.framed_sides, "a spherical or a distance joint")
         self.a = a
         self.b = b
 
@@ -139,7 +138,8 @@ class Joint(Item):
 
         `length` (m) is the extent of the scene, against which a gap is measured.
         """
-        x_a, x_b = self.a.at(t), self.b.at(t)
+        x_a = self.a.at(t)
+        x_b = self.b.at(t)
         rest = self.gap(x_b - x_a)
         gap = float(np.linalg.norm(rest))
         # coordinates far from the origin are known to their own rounding only
@@ -194,8 +194,7 @@ class Joint(Item):
         if free.turns is None:
             framed = self.a.triad is not None and self.b.triad is not None
             return (*sliding, rotation("rotation", self.a, self.b)) if framed else tuple(sliding)
-        turning = [angle(t.name, self.a, self.b, t.axis, t.side) for t in free.turns]
-        return (*sliding, *turning)
+        return (*sliding, *[angle(t.name, self.a, self.b, t.axis, t.side) for t in free.turns])
 
     def coordinate(self, name: str | None = None) -> RelativeCoordinate:
         """One of :meth:`coordinates`; without a name the only one.
@@ -249,7 +248,7 @@ class Joint(Item):
 class AxialJoint(Joint):
     """Joint with one axis n, fixed in side a and a unit vector in space in the reference."""
 
-    def __init__(self, a: Place, b: Place, axis: ArrayLike) -> None:
+    def __init__(self, a: Place, b: Place, axis: ArrayLike):
         super().__init__(a, b)
         self.axis = unit_vector(self.label, "axis", axis)
 
@@ -359,7 +358,7 @@ class JointPlanar(Joint):
 
     type = "planar"
 
-    def __init__(self, a: Place, b: Place, normal: ArrayLike, x: ArrayLike | None = None) -> None:
+    def __init__(self, a: Place, b: Place, normal: ArrayLike, x: ArrayLike | None = None):
         super().__init__(a, b)
         self.normal = unit_vector(self.label, "normal", normal)
         #: whether x was given: else it is any direction in the plane, which must not show
@@ -460,7 +459,7 @@ class JointDistance(Joint):
     type = "distance"
     framed_sides = ()
 
-    def __init__(self, a: Place, b: Place, length: float | None = None) -> None:
+    def __init__(self, a: Place, b: Place, length: float | None = None):
         super().__init__(a, b)
         span = float(np.linalg.norm(b.position - a.position))
         self.length = positive(self.label, "length", span if length is None else length)
@@ -575,7 +574,7 @@ class JointUniversal(Joint):
 
     type = "universal"
 
-    def __init__(self, a: Place, b: Place, axis_a: ArrayLike, axis_b: ArrayLike) -> None:
+    def __init__(self, a: Place, b: Place, axis_a: ArrayLike, axis_b: ArrayLike):
         super().__init__(a, b)
         self.axis_a = unit_vector(self.label, "axis_a", axis_a)
         self.axis_b = unit_vector(self.label, "axis_b", axis_b)
@@ -617,7 +616,8 @@ class JointFixed(Joint):
 
     def rows(self) -> list[Zero | Product]:
         """Spherical, and three products of one triad seen from both sides."""
-        a, b = axes(self.a), axes(self.b)
+        a = axes(self.a)
+        b = axes(self.b)
         products = [Product(a[i], b[(i + 1) % 3]) for i in range(3)]
         return [self._coincide(), *products]
 
@@ -642,7 +642,7 @@ class JointLocked(JointFixed):
 
     type = "locked"
 
-    def __init__(self, joint: Joint, a: Place, b: Place) -> None:
+    def __init__(self, joint: Joint, a: Place, b: Place):
         self.name = joint.name
         super().__init__(a, b)
         self.joint = joint
@@ -724,7 +724,7 @@ class JointDrive(Item):
         joint: Joint,
         motion: Callable[[float], float],
         coordinate: str | None = None,
-    ) -> None:
+    ):
         if not isinstance(joint, Joint):
             raise InputError(self.label, f"joint is {joint!r}, expected a joint")
         if not callable(motion):
@@ -744,7 +744,8 @@ class JointDrive(Item):
         self.place = Place(
             None, -1, np.zeros(3), np.zeros(3), np.eye(3), _Prescribed(number=self.value)
         )
-        self.a, self.b = joint.a, joint.b
+        self.a = joint.a
+        self.b = joint.b
 
     def _parts(self) -> Iterator[tuple[str, Any]]:
         yield from (("joint", self.joint), ("motion", self._number))

@@ -100,7 +100,7 @@ class BeamElements(SectionPoints):
         # C is the same for x, y and z: one number for each pair of coordinate vectors
         scalar = self.table.reshape(ng * 6, k // 3, 3, k // 3, 3)[:, :, 0, :, 0]
         # times weights: weight l times the 1/l of C
-        self.C_table = np.repeat(self.weights, 6)[:, None] * scalar.reshape(ng * 6, -1)
+        self.C_table = self.weights.repeat(6)[:, None] * scalar.reshape(ng * 6, -1)
         self.measure = (self.weights * self.lengths[:, None])[:, :, None]
         self.weighted_stiffness = self.measure[..., None] * self.stiffness
         self.inverse_length = (1 / self.lengths)[:, None]
@@ -251,9 +251,7 @@ def beam_discrete_moduli(elements: BeamElements, eps0: Array, eps1: Array) -> Ar
 
 def beam_force(elements: BeamElements, B: Array, stress: Array) -> Array:
     """Internal force ``int B^T S ds`` (ne, 12 nn) for stress (ne, ng, 6)."""
-    ne = len(B)
-    weighted = stress * elements.measure
-    return (weighted.reshape(ne, 1, -1) @ B)[:, 0]
+    return ((stress * elements.measure).reshape(len(B), 1, -1) @ B)[:, 0]
 
 
 def beam_tangent(
@@ -306,13 +304,10 @@ def bilinear(weighted: Floats, B_left: Array, B_right: Array) -> Array:
     return B_left.transpose(0, 2, 1) @ DB
 
 
-def beam_strain_rate(B: Array, velocity: Array) -> Array:
-    """Strain rates ``B qdot`` (ne, ng, 6) of nodal velocities (ne, 12 nn).
-
-    With B at the midpoint of a step and ``(q_1 - q_0)/h`` they are ``(eps_1 - eps_0)/h``, exactly:
-    strains are quadratic. A rigid turn has none, however large the step.
-    """
-    return (B @ velocity[:, :, None]).reshape(len(B), -1, 6)
+def mass_blocks(scalar: Floats) -> Floats:
+    """(ne, r, r) without -> (ne, 3r, 3r) with the factor I_3."""
+    ne, r = scalar.shape[:2]
+    return np.einsum("eij,cd->eicjd", scalar, np.eye(3)).reshape(ne, 3 * r, 3 * r)
 
 
 def beam_viscous_stress(elements: BeamElements, rate: Array) -> Array:
@@ -353,8 +348,7 @@ def _from_section(rotations: Floats, rows: Array) -> Array:
 
 def cross(a: Array, b: Array) -> Array:
     """Cross product over the last axis; much faster than numpy's for small arrays."""
-    turned = a * b.take(_YZX, axis=-1) - a.take(_YZX, axis=-1) * b
-    return turned.take(_YZX, axis=-1)
+    return (a * b.take(_YZX, -1) - a.take(_YZX, -1) * b).take(_YZX, -1)
 
 
 _YZX = np.array([1, 2, 0])
@@ -396,7 +390,7 @@ def null_space_blocks(directors: Array) -> Array:
     """
     nn = 1 if directors.ndim == 3 else directors.shape[1]
     each = directors.reshape(-1, nn, 3, 3)
-    out = np.zeros((len(each), nn, 4, 3, nn, 2, 3), dtype=directors.dtype)
+    out = np.zeros((len(each), nn, 4, 3, nn, 2, 3), directors.dtype)
     for a in range(nn):
         out[:, a, 0, :, a, 0] = np.eye(3)
         out[:, a, 1:, :, a, 1] = -skew(each[:, a])
@@ -411,7 +405,7 @@ def exp_quaternion(theta: Array) -> Array:
     """Unit quaternions ``(w, x, y, z)`` (..., 4) of rotation vectors ``theta`` (..., 3)."""
     # the sine of a vanishing angle over itself is one, also for complex steps
     half = np.sqrt((theta * theta).dot(_QUARTER) + 1e-300)
-    out = np.empty((*theta.shape[:-1], 4), dtype=theta.dtype)
+    out = np.empty((*theta.shape[:-1], 4), theta.dtype)
     np.cos(half, out=out[..., :1])
     np.multiply(np.sin(half) / (2 * half), theta, out=out[..., 1:])
     return out

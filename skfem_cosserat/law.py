@@ -52,7 +52,7 @@ class Law(Frozen, ABC):
     #: numbers of strains that are held (:class:`skfem_cosserat.Theory`): it knows nothing of them
     held: tuple[int, ...] = ()
 
-    def __init__(self, stiffness: Floats, size: float = 1.0) -> None:
+    def __init__(self, stiffness: Floats, size: float = 1.0):
         self.stiffness = stiffness
         #: strains (6,) that have the energy of an axial strain of one: what steps are relative to
         axial = min(2, len(stiffness) - 1)
@@ -95,8 +95,9 @@ class Law(Frozen, ABC):
     def mean_stress(self, eps0: Array, eps1: Array) -> Array:
         """Mean of the stresses on the way by three Gauss points, to the sixth order of it."""
         place, weight = GAUSS
-        mean, step = 0.5 * (eps0 + eps1), place * (eps1 - eps0)
-        found = self.stress(np.stack([mean, mean - step, mean + step], axis=-2))
+        mean = 0.5 * (eps0 + eps1)
+        step = place * (eps1 - eps0)
+        found = self.stress(np.stack([mean, mean - step, mean + step], -2))
         middle, before, after = (found[..., k, :] for k in range(3))
         return middle + weight * (before + after - 2 * middle)
 
@@ -107,8 +108,7 @@ class Law(Frozen, ABC):
         """
         # in one call: calls of functions take longer than what they do
         found = self.stress(mean[..., None, :] + _PLACES[:, None] * d[..., None, :])
-        beside = found[..., 1, :] + found[..., 2, :]
-        return found[..., 0, :], (beside * d).dot(self._ones)
+        return found[..., 0, :], ((found[..., 1, :] + found[..., 2, :]) * d).dot(self._ones)
 
     def _correction(self, eps0: Array, eps1: Array) -> _Correction:
         """Terms of the discrete derivative.
@@ -119,11 +119,14 @@ class Law(Frozen, ABC):
         """
         d = eps1 - eps0
         middle, beside = self.beside(0.5 * (eps0 + eps1), d)
-        both = self.energy(np.stack([eps0, eps1], axis=-2))
-        before, after = both[..., 0], both[..., 1]
-        metric, terms = d.dot(self.stiffness), middle * d
+        both = self.energy(np.stack([eps0, eps1], -2))
+        before = both[..., 0]
+        after = both[..., 1]
+        metric = d.dot(self.stiffness)
+        terms = middle * d
         work = terms.dot(self._ones)  # faster than the sum over the last axis
-        gap, smooth = (after - before) - work, GAUSS[1] * (beside - work - work)
+        gap = (after - before) - work
+        smooth = GAUSS[1] * (beside - work - work)
         size = abs(before.real) + abs(after.real)
         rounding = (4 * EPS) * (size + abs(terms.real).dot(self._ones)) + 2 * self.noise
         np.copyto(gap, smooth, where=abs((gap - smooth).real) <= rounding)
@@ -211,10 +214,11 @@ class LawStored(Law):
         complex_step: bool = True,
         noise: float = 0.0,
         size: float = 1.0,
-    ) -> None:
+    ):
         super().__init__(stiffness, size)
         self.functions = energy, gradient, hessian
-        self.complex_step, self.noise = complex_step, noise
+        self.complex_step = complex_step
+        self.noise = noise
         self._steps = STEP * self.scale
         self._moves = 1j * np.diag(self._steps)
 
@@ -240,9 +244,10 @@ class LawStored(Law):
         if gradient is not None or np.iscomplexobj(mean):
             return super().beside(mean, d)
         m = len(self._ones)
-        moved = np.empty((*d.shape[:-1], m + 2, m), dtype=complex)
+        moved = np.empty((*d.shape[:-1], m + 2, m), complex)
         moved[..., :m, :] = mean[..., None, :] + self._moves
-        along, step = STEP * 1j * d, GAUSS[0] * d
+        along = STEP * 1j * d
+        step = GAUSS[0] * d
         moved[..., m, :], moved[..., m + 1, :] = mean - step + along, mean + step + along
         found = self._value("energy", energy, moved, moved.shape[:-1]).imag
         return found[..., :m] / self._steps, (found[..., m] + found[..., m + 1]) / STEP
@@ -259,18 +264,19 @@ class LawStored(Law):
             out = self._complex("gradient", gradient, eps, shape)
         else:
             out = difference(self.stress, eps, DIFFERENCE * self.scale)
-        return 0.5 * (out + np.swapaxes(out, -1, -2))
+        return 0.5 * (out + out.swapaxes(-1, -2))
 
     def _from_energy(self, energy: StrainFunction, eps: Array) -> Array:
         """Second derivative: complex steps of differences, each pair once."""
-        steps, moves = self._steps, DIFFERENCE * self.scale
+        steps = self._steps
+        moves = DIFFERENCE * self.scale
         m = len(moves)
         a, b = np.triu_indices(m)  # each pair once
         by = moves[a, None] * np.eye(m)[a]
-        shifts = np.array([by, -by, 2 * by, -2 * by]) + self._moves[b]
-        moved = eps[..., None, None, :] + shifts
+        moved = eps[..., None, None, :] + (np.array([by, -by, 2 * by, -2 * by]) + self._moves[b])
         found = self._value("energy", energy, moved, moved.shape[:-1]).imag / steps[b]
-        near, far = found[..., 0, :] - found[..., 1, :], found[..., 2, :] - found[..., 3, :]
+        near = found[..., 0, :] - found[..., 1, :]
+        far = found[..., 2, :] - found[..., 3, :]
         out = np.empty((*eps.shape, m))
         out[..., a, b] = out[..., b, a] = (8 * near - far) / (12 * moves[a])
         return out
@@ -279,10 +285,10 @@ class LawStored(Law):
         self, name: str, function: StrainFunction, eps: Array, shape: tuple[int, ...]
     ) -> Array:
         """Derivative by the complex step; its index comes last but for those of the value."""
-        steps, moved = self._steps, eps[..., None, :] + self._moves
+        steps = self._steps
+        moved = eps[..., None, :] + self._moves
         found = self._value(name, function, moved, (*eps.shape, *shape[eps.ndim :]))
-        axis = eps.ndim - 1
-        return found.imag / steps.reshape(-1, *(1,) * (found.ndim - 1 - axis))
+        return found.imag / steps.reshape(-1, *(1,) * (found.ndim - eps.ndim))
 
     def _value(
         self, name: str, function: StrainFunction, eps: Array, shape: tuple[int, ...]
@@ -298,9 +304,11 @@ class LawStored(Law):
             except Exception as error:
                 what = f"{name} of {eps.dtype} strains {eps.shape} (which it must not change)"
                 raise failed(ITEM, what, error) from error
-        kind, hint = "f", "real numbers"
+        kind = "f"
+        hint = "real numbers"
         if np.iscomplexobj(eps):
-            kind, hint = "c", "complex numbers; give its derivative if it takes real ones only"
+            kind = "c"
+            hint = "complex numbers; give its derivative if it takes real ones only"
         if out.shape != shape or out.dtype.kind != kind:
             raise InputError(
                 ITEM,
@@ -316,8 +324,7 @@ def difference(function: StrainFunction, eps: Array, steps: Floats) -> Array:
     near, far = (
         function(eps[..., None, :] + k * by) - function(eps[..., None, :] - k * by) for k in (1, 2)
     )
-    extra = (1,) * (near.ndim - eps.ndim)
-    return (8 * near - far) / (12 * steps.reshape(-1, *extra))
+    return (8 * near - far) / (12 * steps.reshape(-1, *(1,) * (near.ndim - eps.ndim)))
 
 
 # -- functions of the strains of one point that numba, not imported here, has compiled -------------
@@ -333,8 +340,9 @@ class CompiledFunction:
     shape : tuple of int
     """
 
-    def __init__(self, function: Any, shape: tuple[int, ...]) -> None:
-        self.function, self.shape = function, shape
+    def __init__(self, function: Any, shape: tuple[int, ...]):
+        self.function = function
+        self.shape = shape
 
     def __call__(self, eps: Array) -> Array:
         """Values (..., *shape) at strains (..., 6).
@@ -348,9 +356,9 @@ class CompiledFunction:
         """
         from numba.core.errors import NumbaError
 
-        given = np.array(eps, dtype=complex if np.iscomplexobj(eps) else float, order="C")
+        given = np.array(eps, complex if np.iscomplexobj(eps) else float, order="C")
         rows = given.reshape(-1, 6)
-        out = np.empty((len(rows), int(np.prod(self.shape))), dtype=given.dtype)
+        out = np.empty((len(rows), int(np.prod(self.shape))), given.dtype)
         try:
             found = np.shape(self.function(rows[0].copy())) if len(rows) else self.shape
             if found != self.shape:
@@ -367,8 +375,7 @@ class CompiledFunction:
         """Address of ``f(strains (k, 6), values (k, size), k)`` for kernels, of real or complex."""
         from numba import types
 
-        number = types.complex128 if kind is complex else types.float64
-        rows = types.Array(number, 2, "C")
+        rows = types.Array(types.complex128 if kind is complex else types.float64, 2, "C")
         self._each.compile((rows, rows, types.int64))
         made = self._each.overloads[rows, rows, types.int64]
         return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
@@ -378,7 +385,8 @@ class CompiledFunction:
         """The function of a stack of points, values in rows."""
         from numba import njit
 
-        function, order = self.function, len(self.shape)
+        function = self.function
+        order = len(self.shape)
 
         def each(eps: Any, out: Any, count: int) -> float:
             for k in range(count):

@@ -119,10 +119,9 @@ class SolverDense(Solver):
 class _Dense(Factors):
     name = SolverDense.name
 
-    def __init__(self, pattern: FrozenPattern) -> None:
+    def __init__(self, pattern: FrozenPattern):
         self._n = pattern.shape[0]
-        cols = np.repeat(np.arange(self._n), np.diff(pattern.indptr))
-        self._where = pattern.indices.astype(np.int64) + self._n * cols
+        self._where = pattern.indices.astype(np.int64) + self._n * pattern.columns
         self._getrf, self._getrs = get_lapack_funcs(("getrf", "getrs"), dtype=np.float64)
 
     def factor(self, data: Floats) -> None:
@@ -155,19 +154,20 @@ class Band:
         Bandwidths.
     """
 
-    def __init__(self, pattern: FrozenPattern) -> None:
+    def __init__(self, pattern: FrozenPattern):
         n = pattern.shape[0]
         self.order: IndexArray = reverse_cuthill_mckee(mirrored(pattern), symmetric_mode=True)
-        self.position: IndexArray = np.empty(n, dtype=np.int64)
+        self.position: IndexArray = np.empty(n, np.int64)
         self.position[self.order] = np.arange(n)
         i, j = self.ends(pattern)
         i -= j
-        self.lower, self.upper = int(i.max(initial=0)), -int(i.min(initial=0))
+        self.lower = int(i.max(initial=0))
+        self.upper = -int(i.min(initial=0))
 
     def ends(self, pattern: FrozenPattern) -> tuple[Array, Array]:
         """Rows and columns (nnz,) of the pattern's entries in this order."""
         position = self.position.astype(pattern.indices.dtype)
-        return position[pattern.indices], np.repeat(position, np.diff(pattern.indptr))
+        return position[pattern.indices], position.repeat(np.diff(pattern.indptr))
 
 
 class SolverBanded(Solver):
@@ -189,10 +189,13 @@ class SolverBanded(Solver):
 class _Banded(Factors):
     name = SolverBanded.name
 
-    def __init__(self, pattern: FrozenPattern, band: Band) -> None:
-        self._n, self._band = pattern.shape[0], band
-        rows, cols = pattern.indices, np.repeat(np.arange(self._n), np.diff(pattern.indptr))
-        self._entries, self._diagonal = (rows, cols), np.flatnonzero(rows == cols)
+    def __init__(self, pattern: FrozenPattern, band: Band):
+        self._n = pattern.shape[0]
+        self._band = band
+        rows = pattern.indices
+        cols = pattern.columns
+        self._entries = (rows, cols)
+        self._diagonal = np.flatnonzero(rows == cols)
         #: places of the entries in column-major band storage, with room for exchanged rows
         i, j = (each.astype(np.int64) for each in band.ends(pattern))
         self._rows = 2 * band.lower + band.upper + 1
@@ -215,11 +218,11 @@ class _Banded(Factors):
     def solve(self, rhs: Floats) -> Floats:
         b = self._band
         scale = self._scale if rhs.ndim == 1 else self._scale[:, None]
-        ordered = rhs.take(b.order, axis=0)
+        ordered = rhs.take(b.order, 0)
         ordered *= scale
         found = self._gbtrs(self._lu, b.lower, b.upper, ordered, self._pivots, overwrite_b=True)[0]
         found *= scale
-        return found.take(b.position, axis=0)
+        return found.take(b.position, 0)
 
     def _scale_by(self, data: Floats) -> None:
         """Powers of two that bring the diagonal of the first matrix to about one, on both sides.
@@ -230,7 +233,7 @@ class _Banded(Factors):
         size = np.ones(self._n)
         size[self._entries[0][self._diagonal]] = abs(data[self._diagonal])
         size[~(np.isfinite(size) & (size > 0))] = 1.0
-        scale = np.exp2(np.round(-0.5 * np.log2(size)))
+        scale = np.exp2((-0.5 * np.log2(size)).round())
         self._scales = scale[self._entries[0]] * scale[self._entries[1]]
         self._scale = scale[self._band.order]
 
@@ -257,7 +260,7 @@ class SolverSuperLU(Solver):
 
     name = "superlu"
 
-    def __init__(self, symmetric: bool | None = None) -> None:
+    def __init__(self, symmetric: bool | None = None):
         self.symmetric = None if symmetric is None else switch("argument symmetric", symmetric)
 
     def __repr__(self) -> str:
@@ -270,8 +273,9 @@ class SolverSuperLU(Solver):
 
 
 class _SuperLU(Factors):
-    def __init__(self, pattern: FrozenPattern, symmetric: bool) -> None:
-        self._pattern, self.pivoting = pattern, not symmetric
+    def __init__(self, pattern: FrozenPattern, symmetric: bool):
+        self._pattern = pattern
+        self.pivoting = not symmetric
         self.name = "superlu-symmetric" if symmetric else "superlu"
         self._options = {}
         if symmetric:  # pivots on the diagonal down to a hundredth of their column's largest entry
@@ -319,8 +323,9 @@ class _Pardiso(Factors):
     name = SolverPardiso.name
     pivoting = False
 
-    def __init__(self, pattern: FrozenPattern, library: Any) -> None:
-        self._pattern, self._library = pattern, library
+    def __init__(self, pattern: FrozenPattern, library: Any):
+        self._pattern = pattern
+        self._library = library
         weakref.finalize(self, library.free_memory, everything=True).atexit = False
 
     def factor(self, data: Floats) -> None:
@@ -364,7 +369,7 @@ class Factorised:
         Solution for a right-hand side.
     """
 
-    def __init__(self, A: csr_matrix) -> None:
+    def __init__(self, A: csr_matrix):
         options = {"SymmetricMode": True}
         lu = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
         pivots = lu.U.diagonal()
@@ -450,9 +455,7 @@ class LinearSolver:
     ([1.0, 0.0], 'dense')
     """
 
-    def __init__(
-        self, pattern: FrozenPattern, solver: Solver | None = None, n: int | None = None
-    ) -> None:
+    def __init__(self, pattern: FrozenPattern, solver: Solver | None = None, n: int | None = None):
         self.pattern = pattern
         self.n = pattern.shape[0] if n is None else n
         self._helping = pattern.shape[0] - self.n
@@ -471,7 +474,8 @@ class LinearSolver:
         return self._bound
 
     def _chosen(self) -> Factors:
-        pattern, n = self.pattern, self.pattern.shape[0]
+        pattern = self.pattern
+        n = self.pattern.shape[0]
         if pattern.nnz >= FULL * n**2:
             return SolverDense().bind(pattern)
         band = Band(pattern)
@@ -481,8 +485,7 @@ class LinearSolver:
             try:
                 return SolverPardiso().bind(pattern)
             except ImportError as error:  # its libraries are missing
-                text = f"SolverPardiso() is not used: {error}"
-                warn("linear solver", text, PerformanceWarning)
+                warn("linear solver", f"SolverPardiso() is not used: {error}", PerformanceWarning)
         return SolverSuperLU().bind(pattern)
 
     @property
@@ -529,7 +532,8 @@ class LinearSolver:
 
     def full(self, data: Floats) -> Floats:
         """The matrix (n, n) of the unknowns that are asked for, in full."""
-        matrix, k = self.pattern.assembled(data).toarray(), self._helping
+        matrix = self.pattern.assembled(data).toarray()
+        k = self._helping
         if not k:
             return matrix
         return matrix[k:, k:] - matrix[k:, :k] @ np.linalg.solve(matrix[:k, :k], matrix[:k, k:])
@@ -561,11 +565,11 @@ class LinearSolver:
             return x
         matrix = self.pattern.assembled(self.data)
         size = abs(matrix)
-        rows = np.asarray(size.sum(axis=1)).reshape(-1, *(1,) * (rhs.ndim - 1))
+        rows = np.asarray(size.sum(1)).reshape(-1, *(1,) * (rhs.ndim - 1))
 
         def error(x: Floats, r: Floats) -> float:
             """Largest residual of a row against its terms, at least 1e-13 of what they may be."""
-            most = rows * abs(x).max(axis=0) + abs(rhs)
+            most = rows * abs(x).max(0) + abs(rhs)
             terms = np.maximum(size @ abs(x) + abs(rhs), 1e-13 * most)
             return float((abs(r) / np.where(terms > 0, terms, 1.0)).max())
 

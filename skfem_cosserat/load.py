@@ -140,7 +140,7 @@ class TermForce(Term):
         value: ArrayLike,
         amplitude: Amplitude = None,
         follower: bool = False,
-    ) -> None:
+    ):
         self._set(value, amplitude, follower)
         self.place = _checked_place(self.kind, place, self.axial or self.follower)
 
@@ -239,9 +239,10 @@ class TermLine(Term):
         amplitude: Amplitude = None,
         follower: bool = False,
         elements: IndexArray | None = None,
-    ) -> None:
+    ):
         check_beam(self.kind, beam)
-        self.beam, every = beam, beam.part(None)
+        self.beam = beam
+        every = beam.part(None)
         self.elements = every if elements is None else np.asarray(elements)
         given = self.elements
         if (
@@ -270,7 +271,8 @@ class TermLine(Term):
 
     def matrices(self) -> Floats:
         """Scalars C (ne, 4 nn, 4 nn) of the nodal forces ``C y`` of a load that follows."""
-        values, turned = self.beam.basis.interpolation.full.values, self.beam.rotations
+        values = self.beam.basis.interpolation.full.values
+        turned = self.beam.rotations
         shares = np.einsum("aq,bq,eqi->eabi", values, values, self._weighted())
         ne, nn = shares.shape[:2]
         out = np.zeros((ne, nn, 4, nn, 4))
@@ -303,15 +305,15 @@ class TermLine(Term):
         if not self.follower:
             return value.reshape(-1, 3)
         beam = self.beam
-        nodes = beam.basis.connectivity[self.elements]
-        triads = beam.rotations[self.elements] @ beam.triads[nodes]
+        triads = beam.rotations[self.elements] @ beam.triads[beam.basis.connectivity[self.elements]]
         return (value[..., None, None, :] @ triads[:, None]).reshape(-1, 3)
 
     def on_elements(self, beam: Beam, mass: Floats, nodal: Floats, factor: float) -> Floats | float:
         """Nodal forces (ne, p + 1, 4, 3) of the line load on a beam; zero on other beams."""
         if self.beam is not beam:
             return 0.0
-        out, e = np.zeros_like(nodal), self.elements
+        out = np.zeros_like(nodal)
+        e = self.elements
         if self.follower:
             own = nodal[e]
             out[e] = factor * (self.matrices() @ own.reshape(len(e), -1, 3)).reshape(own.shape)
@@ -354,7 +356,7 @@ class TermStrain(TermLine):
         amplitude: Amplitude = None,
         elements: IndexArray | None = None,
         axial: bool = False,
-    ) -> None:
+    ):
         super().__init__(beam, value, amplitude, True, elements)
         self.axial = axial
         if self.strains()[..., list(beam.theory.held)].any():
@@ -410,7 +412,7 @@ class TermAcceleration(Term):
     [0.0, 0.0, -9.81]
     """
 
-    def __init__(self, value: ArrayLike, amplitude: Amplitude = None) -> None:
+    def __init__(self, value: ArrayLike, amplitude: Amplitude = None):
         self._set(value, amplitude)
 
     def acceleration(self) -> Floats:
@@ -482,9 +484,7 @@ class Load(Item):
     channels: tuple[tuple[Floats, TimeFunction], ...] = ()
     time: TimeFunction = Constant(1.0)
 
-    def __init__(
-        self, value: Any = (), amplitude: Amplitude = None, follower: bool = False
-    ) -> None:
+    def __init__(self, value: Any = (), amplitude: Amplitude = None, follower: bool = False):
         self.follower = switch(self.label, follower, "follower")
         if callable(value):
             if amplitude is not None:
@@ -495,8 +495,7 @@ class Load(Item):
                 for i in range(3)
             )
             return
-        none = isinstance(value, tuple) and not value
-        own = None if none else vector(self.label, "value", value)
+        own = None if isinstance(value, tuple) and not value else vector(self.label, "value", value)
         self.time = time_function(self.label, amplitude)
         if own is not None:
             self.channels = ((own, self.time),)
@@ -531,7 +530,7 @@ class Load(Item):
                 raise InputError(self.label, f"terms() gives {made!r}, expected a list of terms")
             found = tuple(made)
             for term in found:
-                if not isinstance(term, TermForce | TermLine | TermAcceleration):
+                if not isinstance(term, (TermForce, TermLine, TermAcceleration)):
                     text = f"has {term!r} among its terms, expected TermForce(...) or the like"
                     raise InputError(self.label, text)
             self._made_of = found
@@ -564,7 +563,7 @@ class _NodalLoad(Load):
 
     def __init__(
         self, place: Place, value: Any, amplitude: Amplitude = None, follower: bool = False
-    ) -> None:
+    ):
         super().__init__(value, amplitude, follower)
         self.place = _checked_place(self.label, place, follower or self._term.axial)
 
@@ -654,7 +653,7 @@ class LoadMoment(_NodalLoad):
 class _ShareOfLine(TermMoment):
     """Moment (N m) at a node of an element, its share of what is spread over the element."""
 
-    def __init__(self, share: tuple[int, int], *given: Any) -> None:
+    def __init__(self, share: tuple[int, int], *given: Any):
         super().__init__(*given)
         self.share = share
 
@@ -662,7 +661,8 @@ class _ShareOfLine(TermMoment):
         """The forces on directors that have this moment, and the least norm."""
         if self.place.item is not beam:
             return 0.0
-        out, d = np.zeros_like(nodal), nodal[*self.share, 1:]
+        out = np.zeros_like(nodal)
+        d = nodal[*self.share, 1:]
         moment = factor * (self.value @ d if self.follower else self.value)
         out[*self.share, 1:] = 0.5 * cross(moment, d)
         return out
@@ -718,10 +718,11 @@ class LoadLine(Load):
         follower: bool = False,
         part: str | None = None,
         moment: Any = None,
-    ) -> None:
+    ):
         super().__init__((), amplitude, follower)
         check_beam(self.label, beam)
-        self.beam, self.part = beam, part
+        self.beam = beam
+        self.part = part
         self.value = Along(self.label, "value", value, self._components)
         self.moment = None if moment is None else Along(self.label, "moment", moment, 3)
         self.terms()  # a function that gives no numbers is named here
@@ -735,7 +736,8 @@ class LoadLine(Load):
     def terms(self) -> Sequence[Term]:
         """Forces along the elements, and moments at their nodes."""
         kind = self.beam.basis.interpolation
-        rest, place = (self.time, self.follower), (self.beam, self.elements, self.part)
+        rest = (self.time, self.follower)
+        place = (self.beam, self.elements, self.part)
         force = self.value.on(*place, kind.full.points)
         out: list[Term] = [TermLine(self.beam, force, *rest, self.elements)]
         if self.moment is not None:
@@ -800,7 +802,7 @@ class LoadStrain(LoadLine):
 
     def __init__(
         self, beam: Beam, value: Any, amplitude: Amplitude = None, part: str | None = None
-    ) -> None:
+    ):
         super().__init__(beam, value, amplitude, True, part)
 
     def terms(self) -> Sequence[Term]:
@@ -838,8 +840,8 @@ class LoadGravity(Load):
     58.86
     """
 
-    def __init__(self, value: Any, amplitude: Amplitude = None) -> None:
-        if isinstance(value, int | float | np.number):
+    def __init__(self, value: Any, amplitude: Amplitude = None):
+        if isinstance(value, (int, float, np.number)):
             raise InputError(
                 "gravity",
                 f"value = {value!r} has no direction, expected a vector in space such as"

@@ -322,8 +322,7 @@ def enough(
     if before == np.inf:
         return False
     # after a mixed tangent the contraction is better than quadratic once, and not again
-    plain = before <= mixed
-    if plain and last < 1e-3 and last < before and last**3 / before**2 <= increment:
+    if before <= mixed and last < 1e-3 and last < before and last**3 / before**2 <= increment:
         return True
     if last <= 0.3 * before:
         return False
@@ -350,7 +349,7 @@ def left_over(length: float, rate: float, increment: float) -> float:
 class _Stages:
     """Stages of the loop for a problem in Python, whose factors are not kept; what happened."""
 
-    def __init__(self, problem: NewtonProblem, rotation: float, damped: bool) -> None:
+    def __init__(self, problem: NewtonProblem, rotation: float, damped: bool):
         self.problem, self.rotation, self.damped = problem, rotation, damped
         self.report = NewtonReport(False, 0, np.inf, "", [], [])
         self.increment = np.zeros(0)
@@ -374,7 +373,8 @@ class _Stages:
         return self.length, self.turn, 0
 
     def advance(self, sized: bool, before: float) -> float:
-        increment, report = self.increment, self.report
+        increment = self.increment
+        report = self.report
         if self.turn > self.rotation:
             increment = increment * (self.rotation / self.turn)
         size = _advance(self.problem, increment, before, self.damped)
@@ -397,13 +397,16 @@ def newton(problem: NewtonProblem, settings: NewtonSettings, damped: bool = Fals
         With a backtracking line search on the residual and more iterations, of a
         :class:`DampedProblem`.
     """
-    stages, record = _Stages(problem, settings.rotation, damped), np.zeros(len(RECORD))
+    stages = _Stages(problem, settings.rotation, damped)
+    record = np.zeros(len(RECORD))
     own = {name: getattr(settings, name) for name in Limits._fields[:-2]}
     own |= {"reuse": 0, "iterations": settings.damped_iterations} if damped else {"reuse": 0}
-    limits, report = Limits(**own, worth=np.inf, wrong=np.inf), stages.report
+    limits = Limits(**own, worth=np.inf, wrong=np.inf)
+    report = stages.report
     with np.errstate(all="ignore"):
         code = _plain(stages, limits, record)
-    report.converged, report.iterations = code == SETTLED, int(record[ITERATIONS])
+    report.converged = code == SETTLED
+    report.iterations = int(record[ITERATIONS])
     report.reason = report.reason or {
         SETTLED: "",
         NOT_FINITE: "the residual is not finite",

@@ -48,20 +48,20 @@ def brief(value: Any) -> str:
     """A value in some words: of arrays the numbers if they are few, of functions their names."""
     if isinstance(value, str | bool | int | None):
         return repr(value)
-    if isinstance(value, float | np.number):
+    if isinstance(value, (float, np.number)):
         return f"{value:.6g}"
     if isinstance(value, np.ndarray):
         if value.size > _SHOWN or value.dtype.kind not in "biuf":
             return f"array {value.shape}"
         return brief(value.tolist())
-    if isinstance(value, list | tuple):
+    if isinstance(value, (list, tuple)):
         few = len(value) <= _SHOWN
         return f"[{', '.join(map(brief, value))}]" if few else f"{len(value)} entries"
     if isinstance(value, Mapping):
         return "{" + ", ".join(f"{key!r}: {brief(each)}" for key, each in value.items()) + "}"
     if isinstance(value, partial):
         return f"partial({brief(value.func)})"
-    if isinstance(value, FunctionType | MethodType | type):
+    if isinstance(value, (FunctionType, MethodType, type)):
         return value.__name__
     if isinstance(value, Shown):
         return value._brief()
@@ -108,7 +108,7 @@ def outline_svg(loops: Sequence[Floats]) -> str:
     if not loops:
         return ""
     points = np.concatenate(loops)
-    (x, y), (width, height) = points.min(axis=0), np.ptp(points, axis=0)
+    (x, y), (width, height) = points.min(0), np.ptp(points, axis=0)
     way = "ZM".join("L".join(f"{a:.6g},{-b:.6g}" for a, b in loop) for loop in loops)
     box = f"{x:.6g} {-y - height:.6g} {width:.6g} {height:.6g}"
     look = 'fill="#99a8bf" fill-rule="evenodd" stroke="#011b3e" vector-effect="non-scaling-stroke"'

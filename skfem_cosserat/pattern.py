@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csc_matrix, csr_matrix
 
 from .errors import InputError
-from .types import Array, ArrayLike, IndexArray
+from .types import NO_INDICES, Array, ArrayLike, IndexArray
 
 #: rows and columns up to which a full matrix is multiplied faster than a sparse one
 FULL_ROWS = 100
@@ -50,7 +50,7 @@ class FrozenPattern:
     [[1.0, 0.0], [0.0, 5.0]]
     """
 
-    def __init__(self, rows: ArrayLike, cols: ArrayLike, shape: tuple[int, int]) -> None:
+    def __init__(self, rows: ArrayLike, cols: ArrayLike, shape: tuple[int, int]):
         i = _indices("rows", rows, shape[0])
         j = _indices("cols", cols, shape[1])
         if np.shape(rows) != np.shape(cols):
@@ -61,21 +61,27 @@ class FrozenPattern:
         key = (j * int(shape[0]) + i)[order]
         new = np.concatenate([[True], key[1:] != key[:-1]])[: len(key)]
         first = order[new]
-        slot = np.empty(len(key), dtype=np.int64)
-        slot[order] = np.cumsum(new) - 1
+        slot = np.empty(len(key), np.int64)
+        slot[order] = new.cumsum() - 1
         counts = np.bincount(j[first], minlength=shape[1])
-        self.shape, self.nnz = (int(shape[0]), int(shape[1])), len(first)
+        self.shape = (int(shape[0]), int(shape[1]))
+        self.nnz = len(first)
         small = max(self.nnz, *self.shape) < np.iinfo(np.int32).max
         kind = np.int32 if small else np.int64
         self.slot = slot
         self.indices = i[first].astype(kind, copy=False)
-        self.indptr = np.concatenate([[0], np.cumsum(counts)]).astype(kind)
+        self.indptr = np.concatenate([[0], counts.cumsum()]).astype(kind)
         for array in (self.slot, self.indices, self.indptr):
             array.setflags(write=False)
         entries = np.zeros(self.nnz), self.indices, self.indptr
         #: zeros: a copy with other entries costs far less than a new matrix
         self._matrix = csc_matrix(entries, shape=self.shape, copy=False)
         self._matrix.has_canonical_format = True  # then they are sorted, too
+
+    @property
+    def columns(self) -> IndexArray:
+        """Column (nnz,) of each stored entry."""
+        return np.arange(self.shape[1]).repeat(np.diff(self.indptr))
 
     def data(self, values: ArrayLike) -> Array:
         """Stored entries (nnz,) of contributions in the order of the indices (any shape)."""
@@ -103,9 +109,14 @@ class FrozenPattern:
 def sum_at(index: IndexArray, values: Array, size: int) -> Array:
     """Sums of `values` by `index` (size,), real or complex."""
     if values.dtype.kind == "c":
-        real = np.bincount(index, values.real, size)
-        return real + 1j * np.bincount(index, values.imag, size)
+        return np.bincount(index, values.real, size) + 1j * np.bincount(index, values.imag, size)
     return np.bincount(index, values, size)
+
+
+def dense_blocks(matrix: csr_matrix, rows: IndexArray) -> Array:
+    """Entries (k, r, r) of a matrix between the rows of each of some sets (k, r)."""
+    i, j = np.broadcast_arrays(rows[:, :, None], rows[:, None])
+    return np.asarray(matrix[i.ravel(), j.ravel()]).reshape(i.shape)
 
 
 def product_form(matrix: csr_matrix) -> csr_matrix | Array:
@@ -117,7 +128,7 @@ def _indices(name: str, values: ArrayLike, limit: int) -> IndexArray:
     """Flat indices below a limit."""
     array = np.asarray(values).reshape(-1)
     if array.size == 0:
-        return np.zeros(0, dtype=np.int64)
+        return NO_INDICES
     if not np.issubdtype(array.dtype, np.integer):
         raise InputError(f"argument {name}", f"has type {array.dtype}, expected integers")
     if array.min() < 0 or array.max() >= limit:

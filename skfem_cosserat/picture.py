@@ -101,7 +101,8 @@ def _driver() -> bool:
     # VTK warns if it has to look for a display
     direct = {"VTK_DEFAULT_OPENGL_WINDOW": "vtkEGLRenderWindow"} if _headless() else {}
     for more in (direct, {}):
-        environment, command = os.environ | more, [sys.executable, "-c", _PROBE]
+        environment = os.environ | more
+        command = [sys.executable, "-c", _PROBE]
         try:
             subprocess.run(command, env=environment, capture_output=True, timeout=60, check=True)
         except subprocess.SubprocessError:
@@ -153,7 +154,7 @@ class Piece(NamedTuple):
         """Point (3,) that its name stands beside."""
         points = self.points(row)
         long = self.kind == "beam" or self.form.n_lines
-        return np.asarray(points[len(points) // 2] if long else points.mean(axis=0))
+        return np.asarray(points[len(points) // 2] if long else points.mean(0))
 
 
 def _axes(vectors: Floats) -> Floats:
@@ -161,7 +162,7 @@ def _axes(vectors: Floats) -> Floats:
     unit = vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
     normal = unit - np.eye(3)[2]
     outer = normal[..., None] * normal[..., None, :]
-    return np.asarray(np.eye(3) - outer / np.maximum(1.0 - unit[..., 2:, None], 1e-12))
+    return np.eye(3) - outer / np.maximum(1.0 - unit[..., 2:, None], 1e-12)
 
 
 #: shapes of joints and couplings; others are balls, or lines if they have two ends
@@ -233,7 +234,7 @@ class Scene:
         Range of the colours; up to 0 if nothing is coloured.
     """
 
-    def __init__(self, history: History, rows: Sequence[Row], look: Look) -> None:
+    def __init__(self, history: History, rows: Sequence[Row], look: Look):
         self.history, self.rows, self.look = history, rows, look
         self.shapes = beam_shapes(history.meta, history.static)
         self.bodies = list(body_shapes(history.meta, history.static))
@@ -242,11 +243,10 @@ class Scene:
             raise InputError("history", "has no beams, bodies or mass points to be drawn")
         points = np.concatenate([each.points(row["q"]) for row in rows for each in shapes])
         self.size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
-        self.middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        joints = len(history.meta.get("joints", ()))
-        self.unit = 0.018 * self.size * (12 / max(joints, 12)) ** 0.5
+        self.middle = 0.5 * (points.min(0) + points.max(0))
+        self.unit = 0.018 * self.size * (12 / max(len(history.meta.get("joints", ())), 12)) ** 0.5
         loads = history.meta.get("loads", ())
-        self.gravity = np.sum([load.get("acceleration", (0, 0, 0)) for load in loads], axis=0)
+        self.gravity = np.sum([load.get("acceleration", (0, 0, 0)) for load in loads], 0)
         tops = (self._forces(shape, row).max() for shape in self.shapes for row in rows)
         self.limits = 0.0, float(max(tops, default=0.0))
 
@@ -276,7 +276,7 @@ class Scene:
         sections = map(int, np.unique(shape.section))
         sweep = shape.surface({k: (not radius and shape.skin(k)) or tube for k in sections})
         own = sweep.element * shape.pieces + sweep.piece
-        ends = [own[(sweep.quads == cap[0]).any(axis=1)][:1] for cap in sweep.caps]
+        ends = [own[(sweep.quads == cap[0]).any(1)][:1] for cap in sweep.caps]
         points = sweep.points(self.rows[0]["q"])
         form = pyvista.PolyData.from_irregular_faces(points, [*sweep.quads, *sweep.caps])
         form["piece"] = np.concatenate([own, *ends])
@@ -297,14 +297,17 @@ class Scene:
 
     def _link(self, entry: Any, key: str) -> Iterator[Piece]:
         """What is between two places, and pyramids under those that belong to the ground."""
-        static, ends = self.history.static, f"{key}/ends"
+        static = self.history.static
+        ends = f"{key}/ends"
         place, usual = (ends, "line") if ends in self.history else (f"{key}/position", "ball")
         if place not in self.history:
             return
-        name, unit = entry["name"], self.unit
+        name = entry["name"]
+        unit = self.unit
         bed = entry["type"] == "foundation"
         if bed:  # it has many nodes
-            name, unit = name.rpartition("/")[0], 0.7 * unit
+            name = name.rpartition("/")[0]
+            unit = 0.7 * unit
         kind = "joint" if key.startswith("joint") else _LINES
         # a spring on a joint is about the joint's axis
         sides = entry["a"], entry["b"]
@@ -336,7 +339,7 @@ class Scene:
 
         def points(row: Row) -> Floats:
             a, b = row[ends]
-            return np.asarray(a + s * (b - a) + coil @ _axes(b - a))
+            return a + s * (b - a) + coil @ _axes(b - a)
 
         return Piece(_LINES, pyvista.MultipleLines(coil), points, entry["name"])
 
@@ -366,7 +369,7 @@ class Scene:
         """Arrows of section directors at some places of each beam."""
         for shape in self.shapes:
             stride = max(len(shape.connectivity) // 3, 1)
-            x, d = (each[::stride].mean(axis=1) for each in shape.axes(self.rows[0]["q"]))
+            x, d = (each[::stride].mean(1) for each in shape.axes(self.rows[0]["q"]))
             for k in (0, 1):
                 at = _held((x, 0.05 * self.size * _axes(d[:, k])))
                 yield _copies(f"d{k + 1}", "arrow", at, "", len(x))
@@ -398,11 +401,12 @@ class Stage:
         Range of the colours.
     """
 
-    def __init__(self, look: Look, path: FilePath | None, limits: tuple[float, float]) -> None:
+    def __init__(self, look: Look, path: FilePath | None, limits: tuple[float, float]):
         off_screen = _off_screen(path)
         # drawn at twice the size: smooth edges in less time than OpenGL in software takes for them
         self.finer = 2 if off_screen else 1
-        self.look, self.limits = look, limits
+        self.look = look
+        self.limits = limits
         size = [self.finer * each for each in look.window]
         self.plotter = _pyvista().Plotter(off_screen=off_screen, window_size=size)
         self.plotter.set_background("white")
@@ -432,7 +436,7 @@ class Stage:
             mesh = own[0].form.append_polydata(*(piece.form for piece in own[1:])).copy()
             mesh.clear_data()  # normals would stay as they are
             self._place(mesh, own, row)
-            style: dict[str, Any] = {"ambient": 0.25, "line_width": self.font / 6, "label": kind}
+            style = {"ambient": 0.25, "line_width": self.font / 6, "label": kind}
             style |= {"color": _faded(colour, strength)[0], "reset_camera": False, "render": False}
             if self.title in mesh.cell_data:
                 style |= {"scalars": self.title, "cmap": table, "clim": self.limits}
@@ -475,10 +479,12 @@ class Stage:
         camera = self.plotter.camera
         camera.enable_parallel_projection()
         self.plane = pyvista.array_from_vtkmatrix(camera.GetViewTransformMatrix())[:3, :3]
-        self.focus, scale = np.array(camera.focal_point), 0.27 * camera.distance
+        self.focus = np.array(camera.focal_point)
+        scale = 0.27 * camera.distance
         if isinstance(self.look.camera, str):
             ends = np.concatenate(points) @ self.plane.T
-            low, high = np.nanmin(ends, axis=0), np.nanmax(ends, axis=0)
+            low = np.nanmin(ends, axis=0)
+            high = np.nanmax(ends, axis=0)
             scale = 0.5 * max(*(high - low)[:2] / (0.8 * self.wide, 0.68), 1e-9)
             self.focus = (0.5 * (low + high) - (0, 0.16 * scale, 0)) @ self.plane
             camera.focal_point = self.focus
@@ -509,7 +515,7 @@ class Stage:
             groups.setdefault(tuple(at.round()), (at, []))[1].append(piece)
         drawn = np.zeros((height, width))
         if self.plotter.off_screen:  # a window is still empty
-            drawn += np.asarray(self.shot())[::-1].min(axis=2) < 250
+            drawn += np.asarray(self.shot())[::-1].min(2) < 250
         drawn = drawn[::3, ::3].copy()
         pitch = 3 * self.finer / self.font
         grid = pitch * (np.argwhere(drawn >= 0.0) - 0.5 * np.array(drawn.shape))
@@ -519,7 +525,7 @@ class Stage:
             filled = uniform_filter(drawn, (box / pitch).astype(int), mode="constant", cval=1.0)
             away = np.linalg.norm(np.maximum(abs(grid - at) - 0.5 * box, 0.0), axis=1)
             best = grid[np.argmin(20.0 * filled.ravel() + away)]
-            drawn.ravel()[(abs(grid - best) < 0.5 * box).all(axis=1)] = 10.0
+            drawn.ravel()[(abs(grid - best) < 0.5 * box).all(1)] = 10.0
             label = pyvista.Label(text.replace("$", r"\$"), size=self.font)
             label.prop.color = "black"
             label.prop.justification_horizontal = label.prop.justification_vertical = "center"
@@ -532,8 +538,7 @@ class Stage:
 
         self.plotter.renderer.ResetCameraClippingRange()
         self.plotter.render()
-        image = self.plotter.screenshot(return_img=True)
-        return Image.fromarray(image[..., :3]).reduce(self.finer)
+        return Image.fromarray(self.plotter.screenshot(return_img=True)[..., :3]).reduce(self.finer)
 
     def show(self, path: FilePath | None) -> Any:
         """Write it, or show it in a notebook or a window."""
@@ -575,7 +580,8 @@ def _nearest(times: Floats, asked: Floats) -> list[int]:
 
 def _rows(history: History, frames: int | Sequence[int]) -> list[Row]:
     """States in a picture."""
-    numbers, times = frames, _times(history)
+    numbers = frames
+    times = _times(history)
     if isinstance(numbers, int):
         numbers = sorted(set(_nearest(times, np.linspace(times[0], times[-1], max(numbers, 0)))))
     if len(numbers) == 0 or not all(-len(times) <= i < len(times) for i in numbers):
@@ -602,8 +608,7 @@ def _staged(
     stage.add(pieces, rows[-1])
     if before:
         size = 0.12, 1.3 * stage.font * len(stage.shown) / stage.plotter.window_size[1]
-        legend = stage.plotter.add_legend(bcolor=None, face="rectangle", size=size)
-        legend.SetPosition(0.87, 0.05)
+        stage.plotter.add_legend(bcolor=None, face="rectangle", size=size).SetPosition(0.87, 0.05)
     stage.aim(rows[-1], [piece.points(row) for row in rows for piece in pieces], scene.gravity)
     return stage
 
@@ -627,7 +632,7 @@ def picture_of_scene(scene: Any, path: FilePath | None, look: Look) -> Any:
     system = system_of(scene, "model")
     meta, static = describe(system)
     rest = system.q0[None]
-    series: dict[str, Any] = {"t": [0], "step": [0], "load_factor": [0], "q": rest, "p": 0 * rest}
+    series = {"t": [0], "step": [0], "load_factor": [0], "q": rest, "p": 0 * rest}
     for name, channels in (("loads", system.loading), ("actuators", system.couplings)):
         factors = np.array(channels.values(0.0))
         series[f"amplitudes/{name}"] = np.where(factors == 0, 1.0, factors)[None]
@@ -650,8 +655,7 @@ def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
         if len(own):
             pieces.append(Piece(kind, pyvista.PolyData(own, lines=cells), _held(own), name))
     axes = mesh.size * np.eye(3)
-    at = _held((mesh.p.T, 0.004 * axes))
-    pieces.append(_copies("ground", "ball", at, "", mesh.p.shape[1]))
+    pieces.append(_copies("ground", "ball", _held((mesh.p.T, 0.004 * axes)), "", mesh.p.shape[1]))
     for name, node in mesh.nodes.items():
         pieces.append(_copies("joint", "ball", _held((mesh.p[:, node[0]], 0.007 * axes)), name))
     stage.add(pieces, {})
@@ -664,7 +668,8 @@ def picture_of_mesh(mesh: MeshCurve, path: FilePath | None, look: Look) -> Any:
 
 def animate(history: History, path: FilePath, fps: float, speed: float, look: Look) -> Path:
     """See :meth:`History.animate`."""
-    rate, pace = positive("argument fps", "fps", fps), positive("argument speed", "speed", speed)
+    rate = positive("argument fps", "fps", fps)
+    pace = positive("argument speed", "speed", speed)
     times = _times(history)
     count = int(np.ptp(times) * rate / pace * (1 + 1e-9)) + 1
     if count > _FRAMES:
@@ -720,7 +725,7 @@ def _write(path: FilePath, images: Iterable[Any], fps: float) -> None:
     if Path(path).suffix.lower() == ".gif":
         method = Image.Quantize.MAXCOVERAGE  # white stays white
         first, *others = (image.quantize(128, method) for image in images)
-        ends = np.round(100.0 * np.arange(len(others) + 2) / fps).astype(int)
+        ends = (100.0 * np.arange(len(others) + 2) / fps).round().astype(int)
         durations = (10 * np.diff(ends)).tolist()
         first.save(path, save_all=True, append_images=others, duration=durations, loop=0)
         return

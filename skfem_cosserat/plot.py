@@ -203,7 +203,8 @@ def _path_of(history: History, what: str) -> Floats:
 
 def _vertices(connectivity: IndexArray) -> IndexArray:
     """Nodes at vertices of a beam's mesh: where lines start, inner ones, where lines end."""
-    starts, ends = connectivity[:, 0], connectivity[:, -1]
+    starts = connectivity[:, 0]
+    ends = connectivity[:, -1]
     outer = np.setdiff1d(starts, ends), np.setdiff1d(ends, starts)
     return np.concatenate([outer[0], np.intersect1d(starts, ends), outer[1]])
 

@@ -33,8 +33,7 @@ def write_report(history: History, path: FilePath) -> Path:
     try:
         from plotly.offline import get_plotlyjs
     except ImportError as error:
-        text = "plotly is needed here: pip install skfem-cosserat[report]"
-        raise ImportError(text) from error
+        raise ImportError("plotly is needed here: pip install skfem-cosserat[report]") from error
     if not len(history):
         raise InputError("history", "has no states")
     rows = spread(len(history), min(max(_COORDINATES // history["q"].shape[1], 2), _STATES))
@@ -77,7 +76,7 @@ def _items(history: History, rows: IndexArray) -> Iterator[dict[str, Any]]:
             "name": beam.name,
             "section": sections,
             "places": beam.order + 1,
-            "frames": _packed(np.concatenate([centre[..., None, :], axes], axis=-2)),
+            "frames": _packed(np.concatenate([centre[..., None, :], axes], -2)),
             "outlines": {k: _packed(each) for k, each in outlines.items() if each is not None},
         }
     for body in body_shapes(history.meta, history.static):
@@ -85,7 +84,7 @@ def _items(history: History, rows: IndexArray) -> Iterator[dict[str, Any]]:
         yield {
             "name": body.name,
             "faces": body.faces.tolist(),
-            "frames": _packed(np.concatenate([place, body.directors(q)], axis=1)),
+            "frames": _packed(np.concatenate([place, body.directors(q)], 1)),
             "points": None if body.material is None else body.material.tolist(),
         }
 

@@ -87,7 +87,7 @@ def check_stiffness(item: str, value: ArrayLike) -> Floats:
     diagonal = np.diag(D)
     if (diagonal <= 0).any():
         names = ("GA_1", "GA_2", "EA", "EI_1", "EI_2", "GJ")
-        k = int(np.argmin(diagonal))
+        k = int(diagonal.argmin())
         raise InputError(
             item,
             f"{names[k]} = {diagonal[k]:g}: a section without stiffness against one of its"
@@ -124,7 +124,8 @@ def _inertia(item: str, value: ArrayLike, mass: float, centre: Floats) -> Floats
     out = symmetric(item, "inertia", out) if out.ndim == 2 else out
     moments = np.diag(out) if out.ndim == 1 else out
     steiner = mass * np.outer(centre, centre)
-    own, scale = moments - steiner, max(abs(moments).max(), abs(steiner).max())
+    own = moments - steiner
+    scale = max(abs(moments).max(), abs(steiner).max())
     lowest = float(np.linalg.eigvalsh(own)[0])
     if lowest < -1e-12 * scale:
         raise InputError(
@@ -192,7 +193,7 @@ class Section(Frozen):
         outline: ArrayLike | None = None,
         viscosity: ArrayLike | None = None,
         centre: ArrayLike = (0.0, 0.0),
-    ) -> None:
+    ):
         item = "section"
         D = check_stiffness(item, stiffness)
         all_positive(item, mass=mass)
@@ -203,7 +204,8 @@ class Section(Frozen):
             shape = numbers(item, "outline", outline)
             shape = shaped(item, "outline", shape, (*shape.shape[:1], 2))
         self.stiffness, self.mass, self.inertia = D, float(mass), moments
-        self.outline, self.centre = shape, offset
+        self.outline = shape
+        self.centre = offset
         self.viscosity = np.zeros((6, 6)) if viscosity is None else _viscosity(viscosity, D)
         self._warn_of_exchange()
 
@@ -215,7 +217,8 @@ class Section(Frozen):
         _, _, EA, *EI, _ = np.diag(self.stiffness)
         moments = np.diag(self.density)[1:]
         unit = EA / self.mass / np.array(EI)
-        about, along = abs(unit * moments - 1), abs(unit * moments[::-1] - 1)
+        about = abs(unit * moments - 1)
+        along = abs(unit * moments[::-1] - 1)
         if about.max() < TYPED and along.min() > 10 * TYPED:
             warn(
                 "section",
@@ -406,7 +409,7 @@ def _with_midpoints(loop: Floats) -> Floats:
     """A closed polygon (k, 2) with points between its corners, if it has few."""
     ends = loop, np.roll(loop, -1, axis=0)
     between = np.linspace(*ends, -(-AROUND // len(loop)), endpoint=False, axis=1)
-    return np.asarray(between.reshape(-1, 2))
+    return between.reshape(-1, 2)
 
 
 def _stresses(section: Section, E: float) -> tuple[Floats, Floats]:
@@ -426,7 +429,7 @@ def _series(n: Array, z: Array, end: float) -> Array:
     """Sum of ``cosh(n z) / (n^2 cosh(n end))`` over n (m,) at points z = x + i y (k,)."""
     n = n[:, None]
     falling = np.exp(n * (z - end)) + np.exp(-n * (z + end))
-    return np.asarray((falling / (1 + np.exp(-2 * n * end)) / n**2).sum(0))
+    return (falling / (1 + np.exp(-2 * n * end)) / n**2).sum(0)
 
 
 def _twist(at: Floats, A: float, B: float) -> Floats:
@@ -438,7 +441,7 @@ def _twist(at: Floats, A: float, B: float) -> Floats:
     the edges |x| = A.
     """
     (x, y), n = at, np.arange(1, 2 * TERMS, 2) * np.pi / (2 * B)
-    return np.asarray(4 / B * _series(n, x + 1j * (y - B), A).real - 2 * y)
+    return 4 / B * _series(n, x + 1j * (y - B), A).real - 2 * y
 
 
 def _flexure(at: Floats, A: float, B: float, nu: float) -> Floats:
@@ -479,14 +482,14 @@ class SectionRectangle(Section):
     def __init__(self, a: float, b: float, material: Material, shear_factor: float = 5 / 6):
         all_positive("rectangle", a=a, b=b, shear_factor=shear_factor)
         check_kind("rectangle, material", material, Material)
-        short, long = min(a, b), max(a, b)
+        short = min(a, b)
+        long = max(a, b)
         k = np.arange(1, 400, 2)
         series = (np.tanh(k * np.pi * long / (2 * short)) / k**5.0).sum()
         J = long * short**3 * (1 / 3 - 64 / np.pi**5 * short / long * series)
-        area = a * b
         moments = (a * b**3 / 12, b * a**3 / 12)
         corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) * (a / 2, b / 2)
-        super().__init__(*_solid(material, area, moments, float(J), shear_factor), corners)
+        super().__init__(*_solid(material, a * b, moments, float(J), shear_factor), corners)
         self.dimensions = ("a", a), ("b", b)
         self.others = ("material", material), ("shear_factor", shear_factor)
 
@@ -529,7 +532,8 @@ class SectionTube(Section):
         if not 0 <= inner < outer:
             raise InputError("tube", f"inner = {inner!r}, expected 0 <= inner < outer = {outer!r}")
         if shear_factor is None:
-            nu, m2 = material.nu, (inner / outer) ** 2
+            nu = material.nu
+            m2 = (inner / outer) ** 2
             square = (1 + m2) ** 2
             shear_factor = 6 * (1 + nu) * square / ((7 + 6 * nu) * square + (20 + 12 * nu) * m2)
         all_positive("tube", shear_factor=shear_factor)
@@ -539,7 +543,8 @@ class SectionTube(Section):
         circle = outer * np.column_stack([np.cos(angle), np.sin(angle)])
         constants = _solid(material, area, (moments, moments), 2 * moments, shear_factor)
         super().__init__(*constants, circle)
-        self.dimensions, self.others = (("outer", outer), ("inner", inner)), others
+        self.dimensions = (("outer", outer), ("inner", inner))
+        self.others = others
 
         self.holes = (circle[::-1] * (inner / outer),) if inner else ()
         self._radii = outer, inner
@@ -548,10 +553,12 @@ class SectionTube(Section):
         """See :meth:`Section.skin_stresses`."""
         material, (a, b) = dict(self.others)["material"], self._radii
         x, out = _stresses(self, material.E)
-        twice, nu = 2 * self.stiffness[3, 3] / material.E, material.nu
+        twice = 2 * self.stiffness[3, 3] / material.E
+        nu = material.nu
         out[:, 1:, 5] = x[:, ::-1] / twice * (-1, 1)
         # Love, Mathematical Theory of Elasticity, chapter 15
-        square, size = (x**2).sum(1)[:, None, None], (3 + 2 * nu) / 4
+        square = (x**2).sum(1)[:, None, None]
+        size = (3 + 2 * nu) / 4
         hole = size * (a * b) ** 2 / square
         even = size * (a**2 + b**2 + square) - square + hole
         pairs = (1 - 2 * size - 2 * hole / square) * x[:, :, None] * x[:, None]

@@ -81,10 +81,11 @@ class SectionAlong(SectionField):
     0.01
     """
 
-    def __init__(self, function: Callable[[float], Section], share: bool = False) -> None:
+    def __init__(self, function: Callable[[float], Section], share: bool = False):
         if not callable(function):
             raise InputError("section", f"function = {function!r}, expected a callable")
-        self.function, self.share = function, switch("section", share, "share")
+        self.function = function
+        self.share = switch("section", share, "share")
 
     def at(self, s: float, length: float) -> Section:
         """The section that the function gives; InputError if it gives something else."""
@@ -117,7 +118,7 @@ class SectionTaper(SectionField):
     0.15
     """
 
-    def __init__(self, first: Section, last: Section) -> None:
+    def __init__(self, first: Section, last: Section):
         item = "section taper"
         if type(first) is not type(last) or not getattr(first, "dimensions", ()):
             raise InputError(
@@ -130,11 +131,13 @@ class SectionTaper(SectionField):
                 raise InputError(item, f"{name} = {here!r} at the start, {there!r} at the end")
         if first.viscosity.any() or last.viscosity.any():
             raise InputError(item, "its ends are damped: damp the taper, by .damped(time)")
-        self.first, self.last = first, last
+        self.first = first
+        self.last = last
 
     def at(self, s: float, length: float) -> Section:
         """The section with the dimensions there."""
-        x, ends = s / length, zip(self.first.dimensions, self.last.dimensions, strict=True)
+        x = s / length
+        ends = zip(self.first.dimensions, self.last.dimensions, strict=True)
         own = {name: (1 - x) * a + x * b for (name, a), (_, b) in ends}
         return type(self.first)(**own, **dict(self.first.others))
 
@@ -189,7 +192,7 @@ class SectionTable(SectionField):
         viscosity: ArrayLike | None = None,
         outline: ArrayLike | None = None,
         interpolation: Literal["linear", "pchip"] = "linear",
-    ) -> None:
+    ):
         item = "section table"
         if interpolation not in ("linear", "pchip"):
             text = f"interpolation = {interpolation!r}, expected 'linear' or 'pchip'"
@@ -209,10 +212,12 @@ class SectionTable(SectionField):
                 text = f"{name} has shape {array.shape}, expected one entry for each of the"
                 raise InputError(item, f"{text} {count} stations")
         self._shapes = {name: array.shape[1:] for name, array in arrays.items()}
-        parts = [np.reshape(a, (count, int(np.prod(a.shape[1:])))) for a in arrays.values()]
-        self._ends, flat = np.cumsum([part.shape[1] for part in parts])[:-1], np.hstack(parts)
+        parts = [a.reshape((count, int(np.prod(a.shape[1:])))) for a in arrays.values()]
+        self._ends = np.cumsum([part.shape[1] for part in parts])[:-1]
+        flat = np.hstack(parts)
         self._stations = Stations(item, s, flat, interpolation == "pchip")
-        self.s, self.interpolation = self._stations.s, interpolation
+        self.s = self._stations.s
+        self.interpolation = interpolation
         for k, place in enumerate(self.s):
             try:
                 self.at(place, self.s[-1])
@@ -234,8 +239,8 @@ class SectionTable(SectionField):
             return np.zeros(0)
         values = self._stations.values
         slopes = np.diff(values, axis=0) / np.diff(self.s)[:, None]
-        size = abs(values).max(axis=0) / (self.s[-1] - self.s[0])
-        return self.s[1:-1][(abs(np.diff(slopes, axis=0)) > BEYOND * size).any(axis=1)]
+        size = abs(values).max(0) / (self.s[-1] - self.s[0])
+        return self.s[1:-1][(abs(np.diff(slopes, axis=0)) > BEYOND * size).any(1)]
 
 
 class SectionSampled(SectionField):
@@ -248,8 +253,9 @@ class SectionSampled(SectionField):
     sections : (ne, k) array of Section
     """
 
-    def __init__(self, xi: Floats, sections: Array) -> None:
-        self.xi, self.sections = xi, sections
+    def __init__(self, xi: Floats, sections: Array):
+        self.xi = xi
+        self.sections = sections
 
     def at(self, s: float, length: float) -> Section:
         """InputError: arc lengths are not known here."""
@@ -259,7 +265,8 @@ class SectionSampled(SectionField):
         """The section at xi of an element; between known places its numbers are polynomials."""
         from .element import lagrange  # imports scikit-fem
 
-        row, near = self.sections[e], int(abs(self.xi - xi).argmin())
+        row = self.sections[e]
+        near = int(abs(self.xi - xi).argmin())
         if abs(self.xi[near] - xi) < SAME or not row[near].quadratic:
             return row[near]
         weights = lagrange(self.xi, xi)
@@ -268,8 +275,8 @@ class SectionSampled(SectionField):
             for name in ("stiffness", "viscosity", "density")
         )
         mass = float(density[0, 0])
-        centre, outline = density[0, 1:] / mass, row[near].outline
-        return Section(stiffness, mass, density[1:, 1:], outline, viscosity, centre)
+        centre = density[0, 1:] / mass
+        return Section(stiffness, mass, density[1:, 1:], row[near].outline, viscosity, centre)
 
 
 def distinct(sections: Array) -> tuple[list[Section], IndexArray]:

@@ -65,7 +65,7 @@ def strain_measures(fields: Array, slopes: Array, which: Sequence[int] = range(6
         sum(factor * (fields[..., a, :] * slopes[..., b, :]).sum(-1) for a, b, factor in FORMS[i])
         for i in which
     ]
-    return np.stack(each, axis=-1)
+    return np.stack(each, -1)
 
 
 def strain_table(shape: Floats, slope: Floats) -> Floats:

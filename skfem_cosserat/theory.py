@@ -46,7 +46,7 @@ class Theory(Frozen):
     reference = SOURCE
     _forces: tuple[int, ...] = ()
 
-    def __init__(self, torsion: bool = True) -> None:
+    def __init__(self, torsion: bool = True):
         self.torsion = switch("theory", torsion, "torsion")
         self.held = self._forces if self.torsion else (*self._forces, 5)
 
@@ -142,7 +142,7 @@ class LawHeld(Law):
         Numbers of strains.
     """
 
-    def __init__(self, law: Law, held: tuple[int, ...]) -> None:
+    def __init__(self, law: Law, held: tuple[int, ...]):
         # what measures increments: without forces against strains that are held
         own = np.isin(np.arange(6), held) * np.diag(law.stiffness)
         super().__init__(released(law.stiffness, held) + np.diag(own))

@@ -66,7 +66,7 @@ class _Ramp(Frozen, ABC):
 
     def __init__(
         self, begin: float, end: float, *values: float, first: float = 0.0, last: float = 1.0
-    ) -> None:
+    ):
         if len(values) == 2 and (first, last) == (0.0, 1.0):
             first, last = values
         elif values:
@@ -74,13 +74,16 @@ class _Ramp(Frozen, ABC):
         _finite("ramp", begin=begin, end=end, first=first, last=last)
         if not end > begin:
             raise InputError("ramp", f"end = {end!r} s, expected it after begin = {begin!r} s")
-        self.begin, self.end = float(begin), float(end)
-        self.first, self.last = float(first), float(last)
+        self.begin = float(begin)
+        self.end = float(end)
+        self.first = float(first)
+        self.last = float(last)
         self.constant_after = self.end
 
     def _unclear(self, begin: float, end: float, values: tuple[float, ...]) -> str:
         """Text of an error: what numbers without names may have been meant to be."""
-        kind, value = type(self).__name__, values[0]
+        kind = type(self).__name__
+        value = values[0]
         return (
             f"got {(begin, end, *values)!r}, whose order is begin, end (s), first, last (the values"
             f" before and after): name them, as {kind}({begin!r}, {end!r}, last={value!r}) or"
@@ -109,7 +112,8 @@ class _Ramp(Frozen, ABC):
         ends = [t0, *(t for t in (self.begin, self.end) if t0 < t < t1), t1]
         total = 0.0
         for a, b in pairwise(ends):
-            mid, half = (a + b) / 2, (b - a) / 2
+            mid = (a + b) / 2
+            half = (b - a) / 2
             total += half * sum(
                 w * self.value(mid + half * x) for x, w in zip(_POINTS, _WEIGHTS, strict=True)
             )
@@ -198,7 +202,7 @@ class Harmonic(Frozen):
     (2.0, 1.273239545)
     """
 
-    def __init__(self, amplitude: float, frequency: float, phase: float = 0.0) -> None:
+    def __init__(self, amplitude: float, frequency: float, phase: float = 0.0):
         _finite("harmonic function", amplitude=amplitude, frequency=frequency, phase=phase)
         self.amplitude, self.frequency, self.phase = map(float, (amplitude, frequency, phase))
 
@@ -222,7 +226,7 @@ class Constant(Frozen):
 
     constant_after = -np.inf
 
-    def __init__(self, number: float) -> None:
+    def __init__(self, number: float):
         self.number = float(number)
 
     def _brief(self) -> str:
@@ -259,7 +263,7 @@ class Table(Frozen):
     (5000.0, 5000.0)
     """
 
-    def __init__(self, times: ArrayLike, values: ArrayLike) -> None:
+    def __init__(self, times: ArrayLike, values: ArrayLike):
         self.times = numbers("table of time", "times", times)
         self.values = numbers("table of time", "values", values)
         if self.times.ndim != 1 or self.times.shape != self.values.shape or len(self.times) == 0:
@@ -299,12 +303,14 @@ class Table(Frozen):
 
 def _clenshaw_curtis(n: int) -> tuple[Floats, Floats, Floats]:
     """Points of [-1, 1], both ends among them; weights; what gives a late Chebyshev coefficient."""
-    points, k = -np.cos(np.pi * np.arange(n + 1) / n), np.arange(0, n + 1, 2)
+    points = -np.cos(np.pi * np.arange(n + 1) / n)
+    k = np.arange(0, n + 1, 2)
     to_coefficients = np.linalg.inv(np.polynomial.chebyshev.chebvander(points, n))
     return points, (2 / (1 - k**2)) @ to_coefficients[k], to_coefficients[n - 1]
 
 
-_ALL, _LESS = _clenshaw_curtis(16), _clenshaw_curtis(8)
+_ALL = _clenshaw_curtis(16)
+_LESS = _clenshaw_curtis(8)
 #: without both ends, at which a function is asked exactly: it may not be defined beyond them
 _INSIDE, _BY = _ALL[0][1:-1].tolist(), _ALL[1].tolist()
 #: what tells of an error: the difference to every second point, and a coefficient that sees kinks
@@ -341,7 +347,7 @@ class FunctionOfTime(Frozen):
     True
     """
 
-    def __init__(self, function: Callable[[float], float], kinks: Sequence[float] = ()) -> None:
+    def __init__(self, function: Callable[[float], float], kinks: Sequence[float] = ()):
         if not callable(function):
             raise InputError("function of time", f"{function!r} is not callable")
         self.function = function
@@ -361,7 +367,8 @@ class FunctionOfTime(Frozen):
 
     def _values(self, times: Sequence[float]) -> list[float]:
         """The function's values, up to the first that is no finite number."""
-        out, function = [], self.function
+        out = []
+        function = self.function
         for t in times:
             try:
                 value = function(t)
@@ -393,7 +400,8 @@ class FunctionOfTime(Frozen):
         return math.fsum(each[3] for each in pieces)
 
     def _piece(self, a: float, b: float) -> _Piece:
-        mid, half = (a + b) / 2, (b - a) / 2
+        mid = (a + b) / 2
+        half = (b - a) / 2
         f = self._values([a, *(mid + half * x for x in _INSIDE), b])
         error = 0.0
         if b - a > 1e-14 * max(abs(a), abs(b)):  # else a jump, pinned down to rounding
@@ -414,7 +422,7 @@ def of_the_user(function: object) -> bool:
     >>> of_the_user(RampSmooth(0, 1)), of_the_user(FunctionOfTime(lambda t: t))
     (False, True)
     """
-    while isinstance(function, FunctionOfTime | Component):
+    while isinstance(function, (FunctionOfTime, Component)):
         function = function.function
     return type(function).__module__.partition(".")[0] != __name__.partition(".")[0]
 
@@ -423,7 +431,7 @@ def time_function(item: str, value: Amplitude, name: str = "amplitude") -> TimeF
     """A number, table or function of time as such; None: one."""
     if value is None:
         return Constant(1.0)
-    if isinstance(value, int | float | np.number):
+    if isinstance(value, (int, float, np.number)):
         return Constant(finite(item, name, value))
     if isinstance(value, TimeFunction):
         return value

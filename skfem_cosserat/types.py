@@ -18,6 +18,10 @@ from .errors import InputError
 Array: TypeAlias = NDArray[Any]
 Floats: TypeAlias = NDArray[np.float64]
 IndexArray: TypeAlias = NDArray[np.int64]
+#: What is known of a result, by names: numbers, texts, lists and mappings of them.
+Meta: TypeAlias = dict[str, Any]
+#: Numbers of nothing.
+NO_INDICES: IndexArray = np.zeros(0, np.int64)
 #: The name of a file or folder.
 FilePath: TypeAlias = str | os.PathLike[str]
 #: Three numbers.
@@ -56,7 +60,7 @@ def floats(value: Any) -> Floats:
     array = np.asarray(value)
     if array.dtype.kind not in "iufO" or (array.dtype == object and None in list(array.flat)):
         raise TypeError
-    return np.array(array, dtype=float)
+    return np.array(array, float)
 
 
 def shaped(item: str, name: str, value: Any, *shapes: tuple[int, ...]) -> Floats:
@@ -74,8 +78,7 @@ def symmetric(item: str, name: str, value: Floats) -> Floats:
     """The mean of a matrix and its transpose, or an error if they differ by more than rounding."""
     skewed = float(abs(value - value.T).max())
     if skewed > SAME * abs(value).max():
-        text = f"{name} is not symmetric by {skewed:.6g}: {value.tolist()}"
-        raise InputError(item, text)
+        raise InputError(item, f"{name} is not symmetric by {skewed:.6g}: {value.tolist()}")
     return 0.5 * (value + value.T)
 
 
@@ -101,7 +104,7 @@ def real(item: str, name: str, value: Any, expected: str) -> float:
 
 def switch(item: str, value: Any, name: str = "") -> bool:
     """True or False, or an error: any text would count as true."""
-    if not isinstance(value, bool | np.bool_):
+    if not isinstance(value, (bool, np.bool_)):
         given = f"{name} = {value!r}" if name else repr(value)
         raise InputError(item, f"{given}, expected True or False")
     return bool(value)
@@ -118,12 +121,12 @@ def spread(count: int, most: int = 20) -> IndexArray:
     return np.linspace(0, count - 1, min(count, most)).round().astype(np.int64)
 
 
-def file_path(item: str, value: Any) -> Path:
-    """The name of a file, or an error naming the argument."""
-    if not isinstance(value, str | os.PathLike):
-        raise InputError(item, f"{shown(value)}, expected the name of a file")
+def file_path(value: Any) -> Path:
+    """The name of a file that the argument path gives, or an error."""
+    if not isinstance(value, (str, os.PathLike)):
+        raise InputError("argument path", f"{shown(value)}, expected the name of a file")
     if "\0" in os.fsdecode(value):
-        raise InputError(item, f"{shown(value)}, names of files hold no zero character")
+        raise InputError("argument path", f"{shown(value)}, names of files hold no zero character")
     return Path(os.fsdecode(value))
 
 
@@ -149,7 +152,7 @@ def positive(item: str, name: str, value: Any, unit: str = "") -> float:
 
 def is_whole(value: object) -> TypeGuard[int]:
     """True if a value is an integer; truth values are none."""
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return isinstance(value, (int, np.integer)) and not isinstance(value, bool)
 
 
 def whole(item: str, value: Any, least: int | None, name: str = "") -> int:

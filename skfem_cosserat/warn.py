@@ -46,7 +46,10 @@ CLOCK_OF_RUNS, CLOCK_OF_PATHS = "t = {:.6g} s", "load factor {:.6g}"
 
 #: of several kinds the first one is the gravest
 GRAVE: tuple[type[CosseratWarning], ...] = (
-    *(AccuracyWarning, ModelWarning, IncompleteWarning, PerformanceWarning),
+    AccuracyWarning,
+    ModelWarning,
+    IncompleteWarning,
+    PerformanceWarning,
 )
 
 _PACKAGE = __name__.partition(".")[0]
@@ -93,7 +96,7 @@ class Notices:
         clock: str = CLOCK_OF_RUNS,
         quiet: bool = False,
         alone: bool = False,
-    ) -> None:
+    ):
         self.found = [dict(notice) for notice in known]
         self.clock, self.quiet, self.alone = clock, quiet, alone
         #: whether what is to come is an error, whose text says what was found
@@ -220,7 +223,7 @@ def sum_up(item: str, kind: str, cases: Mapping[str, Sequence[Notice]], where: s
     rank = {kind.__name__: k for k, kind in enumerate(GRAVE)}
     name, worst = min(found, key=lambda each: rank.get(each[1]["category"], len(rank)))
     category = GRAVE[rank[worst["category"]]] if worst["category"] in rank else CosseratWarning
-    count = sum(bool(notices) for notices in cases.values())
+    count = sum(map(bool, cases.values()))
     text = f"{count} of {len(cases)} {kind} gave warnings, such as {name!r}: {in_words(worst)}"
     warn(item, f"{text} (all: {where})", category)
 
@@ -245,9 +248,11 @@ def _level() -> int:
 
     By their names: what a dataclass generates, or doctest runs, is in no file of the package.
     """
-    frame, level = sys._getframe(1), 1
+    frame = sys._getframe(1)
+    level = 1
     while frame.f_back is not None and _inside(frame.f_globals.get("__name__", "")):
-        frame, level = frame.f_back, level + 1
+        frame = frame.f_back
+        level += 1
     return level
 
 

@@ -91,7 +91,7 @@ def convergence_chart(
     figure.suptitle(title)
     for axis, (name, lines) in zip(axes, quantities.items(), strict=True):
         label = _error_label(name, units)
-        if not all(_sure(line) for line in lines):
+        if not all(map(_sure, lines)):
             label += "\n(open: differences between levels)"
         kinds = ", ".join(dict.fromkeys(_with_unit(line.kind) for line in lines))
         axis.set(xscale="log", yscale="log", xlabel=kinds, ylabel=label)
@@ -108,7 +108,8 @@ def _sure(line: Line) -> bool:
 
 
 def _draw(axis: Any, line: Line, style: Style) -> None:
-    found, color = line.found, style.color
+    found = line.found
+    color = style.color
     shown = line.solved & (found.errors > 0)
     what = "observed" if line.label else "order"
     what += f" {found.order:.2f} +- {max(found.spread, 0.005):.2f}"
@@ -116,8 +117,7 @@ def _draw(axis: Any, line: Line, style: Style) -> None:
         what = found.verdict.partition(":")[0].partition(";")[0]
     label = f"{line.label}: {what}" if line.label else what
     sure = {"linestyle": "-"} if _sure(line) else {"linestyle": "--", "markerfacecolor": "none"}
-    x, y = found.sizes[shown], found.errors[shown]
-    axis.plot(x, y, label=label, **{**style._asdict(), **sure})
+    axis.plot(found.sizes[shown], found.errors[shown], label=label, **{**style._asdict(), **sure})
     _crosses(axis, found.sizes[~line.solved], 0.04, color=color, clip_on=False)
     if found.rounding > 0 and (found.errors[shown] < 100 * found.rounding).any():
         axis.axhline(100 * found.rounding, color=color, linestyle=":", linewidth=0.8)
@@ -226,8 +226,7 @@ def precision_chart(
         raise InputError("argument quantities", f"[], expected some of {', '.join(drawn.limits)}")
     column, label = COSTS[cost]
     figure, axes = panels(PAGE, 4.6 * len(drawn.points), len(drawn.points))
-    chosen = _chosen(drawn, column, most)
-    shown = styles({name: drawn.families[name] for name in chosen})
+    shown = styles({name: drawn.families[name] for name in _chosen(drawn, column, most)})
     for axis, name in zip(axes, drawn.points, strict=True):
         axis.set(xscale="log", yscale="log", xlabel=label, ylabel=_error_label(name, units))
         lines = drawn.fronts(drawn.kind, name, column)
@@ -280,7 +279,7 @@ def _several(lines: Mapping[str, Sequence[Row]], groups: Mapping[str, Any]) -> l
 def _chosen(drawn: Drawn, column: str, most: int) -> list[str]:
     """The best line of each group, and others nearest to what is cheapest, in their order."""
     ratios: dict[str, list[float]] = {line: [] for line in drawn.families}
-    owners: dict[str, str] = {}
+    owners = {}
     room = most
     for name in drawn.points:
         lines, groups = (drawn.fronts(by, name, column) for by in (drawn.kind, _group))
@@ -291,7 +290,7 @@ def _chosen(drawn: Drawn, column: str, most: int) -> list[str]:
             for row in front:
                 reach = [r[column] for r in every if r[f"error_{name}"] <= row[f"error_{name}"]]
                 ratios[line].append(row[column] / min(reach))
-    distance = {line: (min(each), np.mean(np.log(each))) for line, each in ratios.items() if each}
+    distance = {line: (min(each), np.log(each).mean()) for line, each in ratios.items() if each}
     near = sorted(distance, key=distance.__getitem__)
     first = {owners[line]: line for line in reversed(near)}
     best = list(dict.fromkeys((*first.values(), *near, *ratios)))[: max(room, len(first), 1)]
@@ -363,11 +362,13 @@ def stability_chart(
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    names, words = list(axes), dict(labels or {})
+    names = list(axes)
+    words = dict(labels or {})
     values = [None] if len(names) == 2 else list(axes[names[0]])
     shape = (len(values), *status.shape[-2:])
     cells = status.reshape(shape)
     kinds = _kinds(status, words)
+    dashed = [*zip(lines.items(), DASHES * len(lines), strict=False)]
     across = min(len(values), 4)
     down = -(-len(values) // across)
     size = (6.5, 4.2) if across == 1 else (PAGE, 0.9 + 0.95 * PAGE / across * down)
@@ -377,7 +378,7 @@ def stability_chart(
         _cells(axis, cells[k], kinds)
         if values[k] is not None:
             axis.set_title(_text(values[k]), fontsize="small")
-        for (_, field), style in zip(lines.items(), DASHES * len(lines), strict=False):
+        for (_, field), style in dashed:
             _limit(axis, field.reshape(shape)[k], style)
     # the axes are shared: only the outer ones have numbers, and one name is enough
     right, up = (words.get(name, _with_unit(name)) for name in (names[-1], names[-2]))
@@ -394,7 +395,7 @@ def stability_chart(
     handles: list[Any] = [Patch(label=kind.words, **kind.style) for kind in kinds.values()]
     handles += [
         Line2D([], [], color="black", linestyle=style, label=text + _outside(field))
-        for (text, field), style in zip(lines.items(), DASHES * len(lines), strict=False)
+        for (text, field), style in dashed
     ]
     legend(figure, below=0 if across == 1 else 4, handles=handles)
     return write_figure(figure, path)

@@ -132,18 +132,22 @@ def convergence(
     """
     good = [k for k, each in enumerate(values) if each is not None and np.isfinite(each).all()]
     chosen = [np.asarray(values[k]) for k in good]
-    every = np.asarray(sizes, dtype=float)
+    every = np.asarray(sizes, float)
     exact = None if finest else reference
     scale = max([norm(each) for each in (*chosen, exact) if each is not None], default=0.0)
-    rest, floor = (every[good], chosen, norm, scale), rounding * scale
+    rest = (every[good], chosen, norm, scale)
+    floor = rounding * scale
     trend = None if exact is None else _Trend(exact, floor, *rest)
     among = _Trend(None, trend.floor if trend else floor, *rest)
     limit, uncertainty = _extrapolated(every[good], chosen, among, norm)
-    truth, doubt = limit, uncertainty
+    truth = limit
+    doubt = uncertainty
     if trend is not None:
-        truth, doubt = exact, trend.floor
+        truth = exact
+        doubt = trend.floor
     elif finest and chosen:
-        truth, doubt = chosen[-1], np.nan if limit is None else norm(limit - chosen[-1])
+        truth = chosen[-1]
+        doubt = np.nan if limit is None else norm(limit - chosen[-1])
     trend = trend or among
     verdict = trend.verdict
     if np.isnan(trend.order) and limit is not None:
@@ -213,7 +217,8 @@ def _extrapolated(
     doubt = max(trend.spread, abs(p - round(p)))
     others = [at_zero(n - 1, before), at_zero(n, max(p - doubt, p / 2))]
     if n < len(values) - 1:  # finer levels differ by rounding only
-        value, others = values[-1], values[n:]
+        value = values[-1]
+        others = values[n:]
     return value, max(trend.floor, *(norm(value - each) for each in others))
 
 
@@ -234,7 +239,7 @@ class _Trend:
         values: list[Array],
         norm: Norm,
         scale: float,
-    ) -> None:
+    ):
         self.between, self.h, self.scale, g = exact is None, h, scale, np.zeros(len(h))
         if exact is None:
             self.vectors, self.h, g = [b - a for a, b in pairwise(values)], h[:-1], h[1:]
@@ -287,7 +292,8 @@ class _Trend:
             return f"{wandering}; {turning}, which takes five levels"
         noise = self.floor / self.sizes[self.used - 1] / np.log(self.h[-2] / self.h[-1])
         # changes that halve from pair to pair add up to one more
-        self.order, self.spread = float(order), float(2 * changes[-1] + noise)
+        self.order = float(order)
+        self.spread = float(2 * changes[-1] + noise)
         some = "" if self.used == len(self.sizes) else f", {self.counted}"
         return (
             f"order {order:.2f} +- {max(self.spread, 0.005):.2f}"
@@ -306,7 +312,8 @@ def _order(e: Floats, h: Floats, g: Floats) -> float:
         powers = p * np.log(g) + np.log(logs * exprel(p * logs))  # log((h^p - g^p)/p)
         return powers[0] - powers[1] - ratio
 
-    lowest, highest = -6.0, 30.0
+    lowest = -6.0
+    highest = 30.0
     if excess(lowest) * excess(highest) > 0:
         return np.copysign(np.inf, -excess(lowest))
     return brentq(excess, lowest, highest, xtol=1e-12)

@@ -15,9 +15,9 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import Diverged, InputError, JobError
-from ..export.table import Report, ResultTable, provenance
+from ..export.table import Report, ResultTable, TableRow, provenance
 from ..history import History
-from ..types import FilePath, names_known, positive
+from ..types import FilePath, Meta, names_known, positive
 from ..warn import told
 from .chart import Drawn, Row, pareto, precision_chart
 from .orders import euclidean
@@ -160,11 +160,12 @@ def as_setups(given: Any) -> list[Setup]:
         If there are none, or one is something else.
     """
     expected = "expected a list of (label, function of the problem)"
-    if isinstance(given, str | Mapping) or not isinstance(given, Iterable):
+    if isinstance(given, (str, Mapping)) or not isinstance(given, Iterable):
         raise InputError("argument setups", f"{given!r}, {expected}")
-    found, labels = [], set()
+    found = []
+    labels = set()
     for each in given:
-        if not isinstance(each, tuple | list) or not 2 <= len(each) <= len(Setup._fields):
+        if not isinstance(each, (tuple, list)) or not 2 <= len(each) <= len(Setup._fields):
             raise InputError("argument setups", f"{each!r}, {expected}")
         setup = Setup(*each)
         if not isinstance(setup.label, str) or not setup.label:
@@ -232,7 +233,8 @@ def ended(result: Any) -> tuple[str, str]:
         return ("newton", str(result.meta.get("failure", result.status))) if bad else ("ok", "")
     if not isinstance(result, Mapping) or result.get("status", "ok") in DONE:
         return "ok", ""
-    state, reason = str(result["status"]), str(result.get("reason", ""))
+    state = str(result["status"])
+    reason = str(result.get("reason", ""))
     return (state, reason) if state in STATUSES else ("error", f"{state}: {reason}".rstrip(": "))
 
 
@@ -241,7 +243,7 @@ def ended(result: Any) -> tuple[str, str]:
 
 
 @checked
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class PrecisionTable(Report):
     """Result of :func:`work_precision`.
 
@@ -274,9 +276,9 @@ class PrecisionTable(Report):
     failed: fails: diverged (ZeroDivisionError: no step left)
     """
 
-    rows: list[dict[str, Any]]
+    rows: list[TableRow]
     reference_errors: dict[str, float]
-    notes: dict[str, Any]
+    notes: Meta
 
     @classmethod
     def read(cls, path: FilePath) -> PrecisionTable:
@@ -313,7 +315,7 @@ class PrecisionTable(Report):
         bad = [row for row in self.rows if row["status"] != "ok"]
         return {row["label"]: f"{row['status']} ({row['reason']})" for row in bad}
 
-    def points(self, quantity: str, group: str | None = None) -> list[dict[str, Any]]:
+    def points(self, quantity: str, group: str | None = None) -> list[TableRow]:
         """Rows with an error of the quantity and a cost, of one group or all.
 
         Raises
@@ -357,7 +359,7 @@ class PrecisionTable(Report):
         if errors is None:
             levels = _decades(points, quantity, self.reference_errors[quantity])
         else:
-            several = np.atleast_1d(np.asarray(errors, dtype=object))
+            several = np.atleast_1d(np.asarray(errors, object))
             levels = [positive("argument errors", "error", each) for each in several]
         found = {level: _cheapest(points, quantity, level) for level in levels}
         return Front(quantity, found, pareto(points, quantity), self.reference_errors[quantity])
@@ -485,8 +487,8 @@ class Front(NamedTuple):
     """
 
     quantity: str
-    cheapest: dict[float, dict[str, Any] | None]
-    points: list[dict[str, Any]]
+    cheapest: dict[float, TableRow | None]
+    points: list[TableRow]
     floor: float
 
     @property
@@ -528,8 +530,8 @@ class Level(NamedTuple):
 
     group: str
     error: float
-    theirs: dict[str, Any]
-    ours: dict[str, Any] | None
+    theirs: TableRow
+    ours: TableRow | None
     judged: bool
 
     @property
@@ -588,9 +590,7 @@ def _kind_by(what: str, row: Row) -> str:
     return str(row[what] or row["label"])
 
 
-def _cheapest(
-    points: Iterable[dict[str, Any]], quantity: str, error: float
-) -> dict[str, Any] | None:
+def _cheapest(points: Iterable[TableRow], quantity: str, error: float) -> TableRow | None:
     key = f"error_{quantity}"
     reach = [row for row in points if row[key] <= error]
     return min(reach, key=lambda row: (row["cost_s"], row[key]), default=None)
@@ -601,7 +601,8 @@ def _decades(points: Sequence[Row], quantity: str, reference: float) -> list[flo
     sizes = [row[f"error_{quantity}"] for row in points if row[f"error_{quantity}"] > 0]
     if not sizes:
         return [0.0] if points else []
-    top, bottom = floor(log10(max(sizes))), ceil(log10(np.fmax(min(sizes), reference)))
+    top = floor(log10(max(sizes)))
+    bottom = ceil(log10(np.fmax(min(sizes), reference)))
     return [10.0**k for k in range(max(top, bottom), bottom - 1, -1)]
 
 
@@ -696,8 +697,9 @@ def work_precision(
     for 1e-04 in integral the cheapest is trapezoid, count = 100: 1.4e-05 in 0.0001 s
     """
     chosen = as_setups(setups)
-    truth, wanted = reference_of(reference, levels=False), Quantities(quantities, norm)
-    if isinstance(repeats, bool) or not isinstance(repeats, int | np.integer) or repeats < 1:
+    truth = reference_of(reference, levels=False)
+    wanted = Quantities(quantities, norm)
+    if isinstance(repeats, bool) or not isinstance(repeats, (int, np.integer)) or repeats < 1:
         raise InputError("argument repeats", f"{repeats!r}, expected a positive integer")
     if not callable(clock):
         raise InputError("argument clock", f"{clock!r}, expected a function such as process_time")
@@ -750,7 +752,7 @@ class _PrecisionStudy:
             state, reason = self.failed[outcome.name]
             raise InputError("argument reference", f"its run failed: {reason or state}")
 
-    def table(self, outcomes: dict[str, Outcome], notes: dict[str, Any]) -> PrecisionTable:
+    def table(self, outcomes: dict[str, Outcome], notes: Meta) -> PrecisionTable:
         """Errors of all setups that have any."""
         self.outcomes = outcomes
         for setup in self.setups:
@@ -812,8 +814,7 @@ class _PrecisionStudy:
 
     def _drop_strange(self, name: str) -> None:
         """Setups that cannot be compared with the reference have failed, and disturb no others."""
-        labels = [setup.label for setup in self.setups if setup.label in self.samples]
-        for label in labels:
+        for label in [setup.label for setup in self.setups if setup.label in self.samples]:
             comparing = Caught()
             with comparing:
                 pair = {each: self.samples[each] for each in (*self.truth.runs, label)}
@@ -824,7 +825,7 @@ class _PrecisionStudy:
                 self.failed[label] = "error", in_words(comparing.error)
                 del self.samples[label]
 
-    def _row(self, setup: Setup, names: list[str], errors: dict[str, float]) -> dict[str, Any]:
+    def _row(self, setup: Setup, names: list[str], errors: dict[str, float]) -> TableRow:
         outcome = self.outcomes[setup.label]
         measured = outcome.value if outcome.ok else Measured(None, ())
         state, reason = self.failed.get(setup.label, ("ok", ""))

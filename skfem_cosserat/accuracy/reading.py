@@ -96,7 +96,7 @@ class AtInstants(MaximumOverTime):
     [0.5]
     """
 
-    def __init__(self, times: Sequence[float]) -> None:
+    def __init__(self, times: Sequence[float]):
         self.times = np.atleast_1d(numbers("AtInstants", "times", times))
         steps = np.diff(self.times, prepend=-np.inf, append=np.inf)  # NaN beside infinite times
         if not self.times.size or not (steps > 0).all():
@@ -188,7 +188,8 @@ class Reading(NamedTuple):
         apart_from : (j, 2) array
             Spans of time that do not count: both runs jump there at instants of their own.
         """
-        a, b = self, other
+        a = self
+        b = other
         if a.times is None or b.times is None:
             t, mine, others = np.zeros(1), a.values[None], b.values[None]
         else:
@@ -196,7 +197,8 @@ class Reading(NamedTuple):
             counts = (t >= b.times[0]) & (t <= b.times[-1] * (1 + 1e-12))
             for first, last in apart_from:
                 counts &= (t < first) | (t > last)
-            t, mine = t[counts], a.values[counts]
+            t = t[counts]
+            mine = a.values[counts]
             others = b.at(t)
         least = ROUNDING * np.nan_to_num(abs(a.values)).max(initial=0.0)
         same = np.isnan(mine) & np.isnan(others)  # as of an event that comes in neither run
@@ -235,14 +237,14 @@ class Quantities:
     8.0
     """
 
-    def __init__(self, given: Any, over: OverTime | None = None) -> None:
+    def __init__(self, given: Any, over: OverTime | None = None):
         if over is not None:
             check_kind("argument norm", over, OverTime, ", such as MaximumOverTime()")
         self.over = over
         self.given = {}
         if given is None:
             return
-        if isinstance(given, str) or not isinstance(given, Mapping | Sequence) or not given:
+        if isinstance(given, str) or not isinstance(given, (Mapping, Sequence)) or not given:
             raise InputError(
                 "argument quantities", f"{given!r}, expected names, or functions by name"
             )
@@ -276,13 +278,13 @@ class Quantities:
         """
         times = None
         if self.over is not None:
-            if not isinstance(result, Mapping | History) or TIMES not in result:
+            if not isinstance(result, (Mapping, History)) or TIMES not in result:
                 raise InputError(
                     "argument norm",
                     f"is one over time, but the problem gave a {type(result).__name__} without"
                     f" times at {level}: expected a History or a mapping with {TIMES!r}",
                 )
-            times = np.asarray(result[TIMES], dtype=float)
+            times = np.asarray(result[TIMES], float)
         if not self.given and isinstance(result, History):
             raise InputError(
                 "argument quantities",
@@ -340,7 +342,8 @@ def aligned(
     InputError
         If shapes differ from level to level, or there are no common instants.
     """
-    item, instants = f"quantity {name!r}", None
+    item = f"quantity {name!r}"
+    instants = None
     for level, sample in samples.items():
         if name not in sample:
             raise InputError(item, f"missing at {level}")
@@ -382,7 +385,7 @@ class Reference:
     #: of errors, if the second run has steps (or elements) twice as long
     order: float | None = None
 
-    def __init__(self, runs: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, runs: Mapping[str, Any] | None = None):
         self.runs = runs or {}
         #: true values and their errors by quantity; None stands for the only one
         self.known: dict[str | None, Any] = {}
@@ -503,7 +506,7 @@ class ReferenceRun(Reference):
     order 2.00 +- 0.01 (three finest of four levels)
     """
 
-    def __init__(self, **arguments: Any) -> None:
+    def __init__(self, **arguments: Any):
         if not arguments:
             raise InputError("ReferenceRun", "got no arguments, expected some: elements=1000")
         super().__init__({FINE: arguments})
@@ -541,7 +544,7 @@ class ReferencePair(Reference):
 
     def __init__(
         self, fine: Callable[..., Any], coarse: Callable[..., Any], order: float | None = None
-    ) -> None:
+    ):
         for name, run in (("fine", fine), ("coarse", coarse)):
             if not callable(run):
                 raise InputError("ReferencePair", f"{name} = {run!r}, expected a function")
@@ -573,7 +576,7 @@ class ReferenceKnown(Reference):
 
     about = "given"
 
-    def __init__(self, values: Any, errors: float | Mapping[str, float]) -> None:
+    def __init__(self, values: Any, errors: float | Mapping[str, float]):
         super().__init__()
         given = values if isinstance(values, Mapping) else {None: values}
         self.known = {k: v if callable(v) else _finite(v, k) for k, v in given.items()}
@@ -615,7 +618,7 @@ def reference_of(given: Any, levels: bool) -> Reference:
     (array(1.), nan)
     """
     others = ReferenceRun | ReferenceFinest if levels else ReferencePair
-    if isinstance(given, ReferenceKnown | others):
+    if isinstance(given, (ReferenceKnown, others)):
         return given
     if levels:
         return Reference() if given is None else ReferenceKnown(given, {})
@@ -623,7 +626,7 @@ def reference_of(given: Any, levels: bool) -> Reference:
         given = partial(_given, given)
     if callable(given):
         return Reference({FINE: given})
-    if given is None or isinstance(given, str | Reference):
+    if given is None or isinstance(given, (str, Reference)):
         raise InputError(
             "argument reference",
             f"{given!r}, expected values, ReferenceKnown, ReferencePair or a function of the"

@@ -15,10 +15,10 @@ import skfem
 from ..arguments import checked
 from ..errors import InputError
 from ..export import write_paraview
-from ..export.table import WIDE, Report, ResultTable, column_names, provenance
+from ..export.table import WIDE, Report, ResultTable, TableRow, column_names, provenance
 from ..history import History
-from ..types import Array, FilePath, Floats, check_kind, positive, switch, whole
-from ..warn import counted, told
+from ..types import Array, FilePath, Floats, Meta, check_kind, positive, switch, whole
+from ..warn import Notice, counted, told
 from .chart import Line, convergence_chart
 from .orders import ROUNDING, Convergence, convergence, left
 from .reading import (
@@ -173,7 +173,8 @@ def series_of(elements: Any, mesh: Any, order: Any, step: Any, together: bool) -
     if by_order and order is not None:
         raise InputError("argument order", f"{order!r}, but {space} says the orders already")
     orders = _values("order", tuple(given) if by_order else order)
-    steps, switched = _values("step", step), switch("argument together", together)
+    steps = _values("step", step)
+    switched = switch("argument together", together)
     found = []
     for p in orders or [None]:
         counted = _values(space, given[p] if by_order and orders else given)
@@ -208,8 +209,9 @@ def _values(name: str, given: Sequence[Any] | Any) -> list[Any]:
     """Checked values of a sequence or a single value; empty if there is none."""
     if given is None:
         return []
-    kind, label = ARGUMENTS[name], f"argument {name}"
-    single = np.isscalar(given) or isinstance(given, skfem.Mesh | Mapping)
+    kind = ARGUMENTS[name]
+    label = f"argument {name}"
+    single = np.isscalar(given) or isinstance(given, (skfem.Mesh, Mapping))
     values = [kind.fits(label, each) for each in ([given] if single else given)]
     if any(a <= b for a, b in pairwise(map(kind.size, values))):
         shown = ", ".join(map(text, values))
@@ -236,7 +238,7 @@ class Held(NamedTuple):
 
 
 @checked
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Refinement(Report):
     """Result of :func:`refine`.
 
@@ -285,7 +287,7 @@ class Refinement(Report):
     orders: dict[str, Convergence]
     values: dict[str, dict[str, Array]]
     held: dict[str, list[Held]]
-    notes: dict[str, Any]
+    notes: Meta
 
     @property
     def verdicts(self) -> dict[str, str]:
@@ -332,12 +334,12 @@ class Refinement(Report):
         }
 
     @property
-    def warnings(self) -> dict[str, Sequence[dict[str, Any]]]:
+    def warnings(self) -> dict[str, Sequence[Notice]]:
         """Warnings of each level that gave some, as in ``history.meta["warnings"]``."""
         return {name: each.warnings for name, each in self.outcomes.items() if each.warnings}
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[TableRow]:
         """One row a level, also of those that failed.
 
         With ``series``, the arguments, ``size``, ``status`` (``ok``, ``diverged``, ``error``,
@@ -348,11 +350,11 @@ class Refinement(Report):
         """
         return [self._row(s, *each) for s in self.series for each in enumerate(s.levels)]
 
-    def _row(self, series: Series, k: int, level: str) -> dict[str, Any]:
+    def _row(self, series: Series, k: int, level: str) -> TableRow:
         outcome = self.outcomes[level]
-        row: dict[str, Any] = {"series": series.label} if len(self.series) > 1 else {}
+        row: TableRow = {"series": series.label} if len(self.series) > 1 else {}
         for name, value in series.levels[level].items():
-            row[name] = value if isinstance(value, int | float) else text(value)
+            row[name] = value if isinstance(value, (int, float)) else text(value)
         row |= {
             "size": float(series.sizes[k]),
             "status": outcome.status,
@@ -462,7 +464,8 @@ class Refinement(Report):
         lines = [f"refinement of {self.title}: {len(self.outcomes)} levels{failed}"]
         for series in self.series:
             for key in map(series.key, self.quantities):
-                found, limit = self.orders[key], self.orders[key].extrapolated
+                found = self.orders[key]
+                limit = self.orders[key].extrapolated
                 lines.append(f"{key}: {found.verdict}")
                 if limit is not None and limit.size <= WIDE:
                     numbers = ", ".join(f"{each:.9g}" for each in limit.ravel())
@@ -678,7 +681,7 @@ class _Plan:
         reference: Reference,
         rounding: float,
         probe: bool,
-    ) -> None:
+    ):
         self.series, self.wanted, self.reference = series, wanted, reference
         self.rounding = rounding
         self.levels = {name: each.levels[name] for each in series for name in each.levels}
@@ -730,7 +733,8 @@ class _Plan:
         """Values and orders of a quantity, and what is held, into the study."""
         compared = {each: samples[each] for each in self.levels | self.runs if each in samples}
         shared, instants = aligned(name, compared, self.wanted.over)
-        norm, noise = self.wanted.norm(instants), self.rounding
+        norm = self.wanted.norm(instants)
+        noise = self.rounding
         shape = next(iter(shared.values())).shape
         runs = [shared[run] for run in self.runs]
         known, off = self.reference.of(name, shape, instants, runs, norm)
@@ -773,8 +777,10 @@ class _Plan:
         judged: Mapping[str, Convergence],
     ) -> Held:
         """Error that a fixed argument of a series brings to a quantity at its finest level."""
-        finest, probe = series.finest, case_name(series.probe(argument))
-        error, words = np.nan, "it was not probed"
+        finest = series.finest
+        probe = case_name(series.probe(argument))
+        error = np.nan
+        words = "it was not probed"
         other = [each for each in self.series if argument in each.varied]
         if other:  # held at the finest level of a series of its own
             found = judged[other[0].key(name)]

@@ -40,7 +40,7 @@ from ..frames import Item
 from ..history import History
 from ..types import FilePath, positive, switch, whole
 from ..version import VERSION
-from ..warn import Notices, counted, logger, repeat, sum_up, warn
+from ..warn import Notice, Notices, counted, logger, repeat, sum_up, warn
 
 # -- jobs and their outcomes -----------------------------------------------------------------------
 
@@ -76,9 +76,7 @@ class Job:
     <Job 'two': hypot>
     """
 
-    def __init__(
-        self, name: str, function: Callable[..., Any], /, *args: Any, **kwargs: Any
-    ) -> None:
+    def __init__(self, name: str, function: Callable[..., Any], /, *args: Any, **kwargs: Any):
         if not isinstance(name, str) or not name:
             raise InputError("job", f"name = {name!r}, expected a non-empty string")
         if not callable(function):
@@ -90,7 +88,7 @@ class Job:
         return f"<Job {self.name!r}: {called}>"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Outcome:
     """Outcome of a job: a value or an error.
 
@@ -125,7 +123,7 @@ class Outcome:
     error: Exception | None = None
     seconds: float = float("nan")
     traceback: str = ""
-    warnings: Sequence[dict[str, Any]] = ()
+    warnings: Sequence[Notice] = ()
 
     @property
     def ok(self) -> bool:
@@ -182,7 +180,8 @@ def done(job: Job) -> Outcome:
     value, caught, start = None, Caught(), time.perf_counter()
     with Notices(quiet=True, alone=True) as notices, caught:
         value = job.function(*job.args, **job.kwargs)
-    seconds, error = time.perf_counter() - start, caught.error
+    seconds = time.perf_counter() - start
+    error = caught.error
     text = "" if error is None else _text(error)
     if error is not None and not isinstance(error, Exception):  # as of sys.exit
         error = JobError(job.name, f"it raised {in_words(error)}")
@@ -191,7 +190,8 @@ def done(job: Job) -> Outcome:
 
 def in_words(error: BaseException) -> str:
     """Kind and text of an error, whatever its text does."""
-    text, asking = "(it has no text)", Caught()
+    text = "(it has no text)"
+    asking = Caught()
     with asking:
         text = str(error)
     return f"{type(error).__name__}: {text}".rstrip(": ")
@@ -233,7 +233,7 @@ def title_of(problem: Any) -> str:
     bound = problem.keywords if isinstance(problem, partial) else {}
     function = problem.func if isinstance(problem, partial) else problem
     name = str(getattr(function, "__name__", type(function).__name__))
-    short = {key: each for key, each in bound.items() if isinstance(each, int | float | str)}
+    short = {key: each for key, each in bound.items() if isinstance(each, (int, float, str))}
     return f"{name} ({case_name(short)})" if short else name
 
 
@@ -321,7 +321,7 @@ class TimeLimit:
     not done within 0.01 s
     """
 
-    def __init__(self, seconds: float | None) -> None:
+    def __init__(self, seconds: float | None):
         self.seconds = seconds
         here = threading.current_thread() is threading.main_thread()
         self._alarm = seconds is not None and here and "SIGALRM" in signal.Signals.__members__
@@ -357,7 +357,8 @@ def run_sent(name: str, sent: bytes) -> bytes:
     sent : bytes
     """
     job: Any = None
-    reading, lost = Caught(), JobError(name, "it was interrupted")
+    reading = Caught()
+    lost = JobError(name, "it was interrupted")
     with reading:
         job = pickle.loads(sent)
     try:
@@ -369,7 +370,8 @@ def run_sent(name: str, sent: bytes) -> bytes:
             outcome = Outcome(name, error=lost, traceback=_text(reading.error))
     except KeyboardInterrupt:
         outcome = Outcome(name, error=lost)
-    sending, data = Caught(), b""
+    sending = Caught()
+    data = b""
     with sending:
         data = pickle.dumps(outcome, pickle.HIGHEST_PROTOCOL)
         if not (outcome.ok or isinstance(pickle.loads(data).error, Exception)):
@@ -396,7 +398,8 @@ class _Noting(pickle.Pickler):
 
 def _stuck(value: Any) -> list[Any]:
     """Values that pickle visited until it failed, at the last one; empty if it did not fail."""
-    pickler, trial = _Noting(io.BytesIO(), pickle.HIGHEST_PROTOCOL), Caught()
+    pickler = _Noting(io.BytesIO(), pickle.HIGHEST_PROTOCOL)
+    trial = Caught()
     pickler.noted = [value]
     with trial:
         pickler.dump(value)
@@ -411,7 +414,8 @@ def _sent(job: Job) -> bytes:
     InputError
         Naming what stands in the way, and the item or argument that has it.
     """
-    sending, data = Caught(), b""
+    sending = Caught()
+    data = b""
     with sending:
         data = pickle.dumps(job, pickle.HIGHEST_PROTOCOL)
     if sending.error is None:
@@ -423,7 +427,8 @@ def _sent(job: Job) -> bytes:
         ((where, noted) for where, part in parts.items() if (noted := _stuck(part))), ("", [job])
     )
     items = (each for each in reversed(noted) if isinstance(each, Item) and _stuck(each))
-    where, stuck = next((item.label for item in items), where), noted[-1]
+    where = next((item.label for item in items), where)
+    stuck = noted[-1]
     name = getattr(stuck, "__qualname__", None)
     what = f"{name!r}" if name else f"an object of type {type(stuck).__name__!r}"
     raise InputError(
@@ -498,7 +503,7 @@ class Processes(FuturesExecutor):
     [True, False]
     """
 
-    def __init__(self, workers: int | None = None, threads: int | None = 1) -> None:
+    def __init__(self, workers: int | None = None, threads: int | None = 1):
         workers = (os.cpu_count() or 1) if workers is None else workers
         self.workers = whole("argument workers", workers, 1)
         self.threads = None if threads is None else whole("argument threads", threads, 1)
@@ -565,7 +570,8 @@ class _Naming(pickle.Pickler):
 
 def _path(folder: Path, job: Job) -> Path:
     """File of a job: its name, made readable, and a sum of its pickled form and our version."""
-    memory, naming = io.BytesIO(), Caught()
+    memory = io.BytesIO()
+    naming = Caught()
     with naming:
         _Naming(memory, pickle.HIGHEST_PROTOCOL).dump((VERSION, job))
     if naming.error is not None:
@@ -581,7 +587,8 @@ def _path(folder: Path, job: Job) -> Path:
 
 def _kept(path: Path) -> Outcome | None:
     """The outcome in a file, if there is one that can be read."""
-    outcome, reading = None, Caught()
+    outcome = None
+    reading = Caught()
     if not path.exists():
         return None
     with reading:
@@ -597,7 +604,8 @@ def _write(path: Path, outcome: Outcome) -> None:
     """Keep an outcome that another run would have too: at once or not at all."""
     if isinstance(outcome.error, JobError) or outcome.status == "interrupted":
         return
-    part, writing = path.with_name(f".{path.name}.{os.getpid()}.part"), Caught()
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    writing = Caught()
     with writing:
         part.write_bytes(pickle.dumps(outcome, pickle.HIGHEST_PROTOCOL))
         part.replace(path)
@@ -828,7 +836,8 @@ def _run_there(
     """
     futures: dict[str, Any] = {}
     ready: SimpleQueue[str] = SimpleQueue()
-    names, alone = list(sent), False
+    names = list(sent)
+    alone = False
     try:
         while names:
             room = executor.workers if isinstance(executor, Processes) else len(names)
@@ -846,7 +855,8 @@ def _run_there(
                     lost.append(name)
                 else:
                     keep(outcome)
-            names, alone = lost, True
+            names = lost
+            alone = True
     except KeyboardInterrupt:
         logger.info("interrupted: no further job is started, those running are waited for")
         for future in futures.values():
@@ -875,7 +885,8 @@ def _submitted(executor: Executor, name: str, data: bytes, ready: SimpleQueue[st
 
 def _outcome(name: str, future: Any) -> Outcome:
     """Outcome that a future gives, or the executor's error instead of it."""
-    outcome, waiting = None, Caught()
+    outcome = None
+    waiting = Caught()
     with waiting:  # jobs raise nothing: this is about the executor
         outcome = pickle.loads(future.result())
     if isinstance(outcome, Outcome):

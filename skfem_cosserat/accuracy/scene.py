@@ -45,7 +45,7 @@ from .reading import Reading
 class NotHere(InputError):
     """A function of the user's fails in a run: on a finer mesh it may not."""
 
-    def __init__(self, item: str, message: str) -> None:
+    def __init__(self, item: str, message: str):
         super().__init__(item, message)
         self.message = message
 
@@ -69,7 +69,7 @@ class _Sampled(Quantity):
 
     sensor: Sensor
 
-    def __init__(self, sensor: Sensor) -> None:
+    def __init__(self, sensor: Sensor):
         self.sensor = sensor
 
     def values(self, name: str, run: Run) -> Reading:
@@ -94,7 +94,7 @@ class Component(_Sampled):
     2
     """
 
-    def __init__(self, sensor: Sensor, component: int) -> None:
+    def __init__(self, sensor: Sensor, component: int):
         super().__init__(sensor)
         self.component = whole("Component", component, 0, "component")
 
@@ -129,7 +129,7 @@ class Maximum(_Sampled):
     0.45
     """
 
-    def __init__(self, sensor: Sensor, component: int | None = None) -> None:
+    def __init__(self, sensor: Sensor, component: int | None = None):
         super().__init__(sensor)
         known = component is not None
         self.component = whole("Maximum", component, 0, "component") if known else None
@@ -137,8 +137,9 @@ class Maximum(_Sampled):
     def values(self, name: str, run: Run) -> Reading:
         """The largest value of the run."""
         every = super().values(name, run)
-        y, t = _column(name, every, self.component), every.times
-        k = np.argmax(y)
+        y = _column(name, every, self.component)
+        t = every.times
+        k = y.argmax()
         if t is None or not 0 < k < len(y) - 1:
             return Reading(np.asarray(y[k]))
         near = slice(k - 1, k + 2)
@@ -161,7 +162,7 @@ def _column(name: str, whole: Reading, component: int | None) -> Floats:
 class _TimeOf(Quantity):
     """Time (s) at which an event happens first; NaN if it does not."""
 
-    def __init__(self, event: Event) -> None:
+    def __init__(self, event: Event):
         self.event = event
 
     def values(self, name: str, run: Run) -> Reading:
@@ -172,11 +173,12 @@ class _TimeOf(Quantity):
 class _Function(Quantity):
     """A series of the history, or what a function makes of it."""
 
-    def __init__(self, function: Callable[..., Any] | str) -> None:
+    def __init__(self, function: Callable[..., Any] | str):
         self.function = function
 
     def values(self, name: str, run: Run) -> Reading:
-        item, history = f"quantity {name!r}", run.history
+        item = f"quantity {name!r}"
+        history = run.history
         if isinstance(self.function, str):
             if self.function not in history:
                 known = names_known(self.function, history)
@@ -248,12 +250,13 @@ class Run:
         """Values of a sensor over time; of a path at its end, unless its factor stands for time."""
         if not self.at_rest:
             record = self.history.sensors[name]
-            finite = np.isfinite(record.values.reshape(len(record.times), -1)).all(axis=1)
+            finite = np.isfinite(record.values.reshape(len(record.times), -1)).all(1)
             return Reading(record.values[finite], record.times[finite])
-        system, path = self.system, self.history
+        system = self.system
+        path = self.history
         if isinstance(sensor, SensorReaction):
             joint = f"joint/{sensor.joint.name}/"
-            rows = np.concatenate([path[joint + "force"], path[joint + "moment"]], axis=1)
+            rows = np.concatenate([path[joint + "force"], path[joint + "moment"]], 1)
         elif isinstance(sensor, SensorForce):
             rows = forces_along(system, path, sensor.beam, np.array([sensor.s]), sensor.part)[:, 0]
         elif sensor.derivative:
@@ -277,9 +280,10 @@ class Run:
         """
         around = np.concatenate([self.jumps, other.jumps])
         h = 0.0 if self.at_rest else float(self.history.meta["step"]) * (1 + 1e-9)
-        spans = np.stack([around - h, around + h], axis=1)
+        spans = np.stack([around - h, around + h], 1)
         for name, own in self.values.items():
-            a, b = own.shape, other.values[name].shape
+            a = own.shape
+            b = other.values[name].shape
             if a != b:
                 text = f"has shape {a} on one mesh and {b} on another, expected the same on all"
                 raise InputError(f"quantity {name!r}", text)
@@ -301,7 +305,7 @@ class Asked:
         tolerance is missing or not positive.
     """
 
-    def __init__(self, quantities: Any, tolerance: Any) -> None:
+    def __init__(self, quantities: Any, tolerance: Any):
         item = "argument quantities"
         if not isinstance(quantities, Mapping) or not quantities:
             raise InputError(item, f"{quantities!r}, expected a dict of names and quantities")
@@ -341,8 +345,7 @@ class Asked:
 
     def events(self, copies: Replacements | None) -> list[Event]:
         """Events that the run has."""
-        made = self.copied(copies).values()
-        return [each.event for each in made if isinstance(each, _TimeOf)]
+        return [each.event for each in self.copied(copies).values() if isinstance(each, _TimeOf)]
 
     def read(self, run: Run, copies: Replacements | None) -> dict[str, Reading]:
         """All of them, in a run."""
@@ -447,9 +450,7 @@ class Case(NamedTuple):
     @property
     def richer(self) -> Case:
         """The next order, after the highest one twice as many elements."""
-        if self.order < HIGHEST:
-            return self._replace(order=self.order + 1)
-        return self.finer
+        return self._replace(order=self.order + 1) if self.order < HIGHEST else self.finer
 
 
 # -- the scene on any mesh -------------------------------------------------------------------------
@@ -480,7 +481,7 @@ class Scene:
         until: float | None,
         start: State | Callable[[System], State] | None,
         integrator: Integrator | Control | None,
-    ) -> None:
+    ):
         self.model, self.asked, self.start = model, asked, start
         self.system = model.freeze()
         self.moves = until is not None
@@ -507,7 +508,8 @@ class Scene:
             raise InputError("argument quantities", str(error)) from error
         if events and not self.moves:
             raise InputError("argument quantities", f"{events[0].label} needs a motion: until=")
-        self.begun, self.span = first.time, 0.0
+        self.begun = first.time
+        self.span = 0.0
         if until is not None:
             end = real("argument until", "until", until, "a time (s)")
             if not first.time < end < np.inf:
@@ -590,7 +592,6 @@ class Scene:
         if self.moves:
             state = self.begin(system, nudge)
             # functions look at recorded states: more of them
-            rows = 1024 if self.asked.needs_states else 128
             history = simulate(
                 system,
                 self.integrator,
@@ -598,7 +599,7 @@ class Scene:
                 self.span / case.steps,
                 state.time + self.span,
                 start=state,
-                every=max(1, case.steps // rows),
+                every=max(1, case.steps // (1024 if self.asked.needs_states else 128)),
                 sensors=self.asked.sensors(copies),
                 events=self.asked.events(copies) or None,
             )

@@ -16,14 +16,14 @@ from ..beam import Beam
 from ..constraints import NullSpace
 from ..diagnostics import section_strains
 from ..errors import CosseratError
-from ..export.table import ResultTable, provenance
+from ..export.table import ResultTable, TableRow, provenance
 from ..kernels import beam_stress
 from ..load import Load
 from ..model import Model, Planar, planarity
 from ..statics import LoadControl, static
 from ..theory import Theory, TheoryInextensible, TheoryKirchhoff, TheoryRigid
 from ..time_function import Constant
-from ..types import Floats
+from ..types import Floats, Meta
 from ..warn import Notices
 from .scene import Case, Run, Scene
 
@@ -34,7 +34,7 @@ KINDS = {"shear": (0, 1), "extension": (2,), "bending": (3, 4), "torsion": (5,)}
 
 
 @checked
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Simpler:
     """Parts that a scene does not need; result of :meth:`Answer.simpler`.
 
@@ -62,14 +62,14 @@ class Simpler:
         Numbers of the run that suggest what is tried.
     """
 
-    rows: list[dict[str, Any]]
+    rows: list[TableRow]
     model: Model | None
     step: float
     planar: Planar | None
     statics: bool
     change: float
     cost_s: float
-    notes: dict[str, Any]
+    notes: Meta
 
     @property
     def table(self) -> ResultTable:
@@ -115,7 +115,8 @@ def simplified(scene: Scene, run: Run, case: Case, band: Mapping[str, float]) ->
     """Try what the numbers of a run suggest, each by one run, then all that fits together."""
     room = 1 - 2 * max(band[name] / scene.asked.tolerance[name] for name in band)
     energies = {name: energies_of(run, name) for name in scene.beams}
-    rows, taken = [], list[_Trial]()
+    rows = []
+    taken = list[_Trial]()
     for trial in _suggested(scene, run, case, energies):
         if trial.theories and any(trial.theories.keys() == each.theories.keys() for each in taken):
             continue  # a simpler theory of these beams does already
@@ -126,7 +127,7 @@ def simplified(scene: Scene, run: Run, case: Case, band: Mapping[str, float]) ->
     together = _combined(case, taken)
     row, found = _tried(scene, run, together) if taken else ({"change": 0.0}, None)
     fits = found is not None and row["change"] <= room
-    notes: dict[str, Any] = {"kinetic energy (J)": float(run.history["kinetic"].max())}
+    notes: Meta = {"kinetic energy (J)": float(run.history["kinetic"].max())}
     for name, parts in energies.items():
         notes[f"energy of {name} (J)"] = {kind: float(each.max()) for kind, each in parts.items()}
     return Simpler(
@@ -148,17 +149,19 @@ def energies_of(run: Run, name: str) -> dict[str, Floats]:
     """
     beam = run.model[name]
     assert isinstance(beam, Beam)
-    e, strains = beam.elements, section_strains(run.system, beam, run.history["q"])
+    e = beam.elements
+    strains = section_strains(run.system, beam, run.history["q"])
     stress = np.array([beam_stress(e, each) for each in strains])
     parts = 0.5 * np.einsum("tegk,tegk,eg->tk", strains, stress, e.lengths[:, None] * e.weights)
-    return {kind: parts[:, list(k)].sum(axis=1) for kind, k in KINDS.items()}
+    return {kind: parts[:, list(k)].sum(1) for kind, k in KINDS.items()}
 
 
 def _suggested(
     scene: Scene, run: Run, case: Case, energies: Mapping[str, Mapping[str, Floats]]
 ) -> list[_Trial]:
     """Trials, those that leave out most first."""
-    kinetic, potential = run.history["kinetic"], run.history["external"]
+    kinetic = run.history["kinetic"]
+    potential = run.history["external"]
     stored = [sum(parts.values()) for parts in energies.values()]
     strained = float(np.max(sum(stored))) if stored else 0.0
     whole = float(np.max(kinetic + abs(potential - potential[0])) + strained)
@@ -168,7 +171,8 @@ def _suggested(
         trials.append(_Trial("inertia (statics)", why, case, statics=True))
     for names in _alike(scene):
         energy = {k: sum(energies[n][k] for n in names) for k in KINDS}
-        own, label = sum(energy.values()), ", ".join(names)
+        own = sum(energy.values())
+        label = ", ".join(names)
         slight = energy["shear"], energy["shear"] + energy["extension"], own
         compared = float(np.max(own)), float(np.max(own)), whole
         choices = (
@@ -179,15 +183,14 @@ def _suggested(
         found = []
         for (what, theory), left, size in zip(choices, slight, compared, strict=True):
             part = float(np.max(left)) / size if size else 0.0
-            held = set(theory.held) > set(scene.beams[names[0]].theory.held)
-            if held and part <= SLIGHT:
+            if set(theory.held) > set(scene.beams[names[0]].theory.held) and part <= SLIGHT:
                 of = "all energy" if what == "strains" else "their strain energy"
                 why = f"at most {part:.1e} of {of}"
                 found.append(_Trial(f"{what} of {label}", why, case, dict.fromkeys(names, theory)))
         trials += found[::-1]
     plane = planarity(run.system)
     if plane.planar is not None and scene.start is None:
-        why = f"all stays in the plane with normal {np.round(plane.plane.normal, 6).tolist()}"
+        why = f"all stays in the plane with normal {plane.plane.normal.round(6).tolist()}"
         trials.append(_Trial("motion out of the plane", why, case, planar=plane.planar))
     if scene.beams and case.parts > 1:
         trials.append(
@@ -227,7 +230,7 @@ def _combined(case: Case, trials: Sequence[_Trial]) -> _Trial:
     return _Trial("", "", together, theories, any(trial.statics for trial in trials), plane)
 
 
-def _tried(scene: Scene, run: Run, trial: _Trial) -> tuple[dict[str, Any], Run | None]:
+def _tried(scene: Scene, run: Run, trial: _Trial) -> tuple[TableRow, Run | None]:
     """The row of a trial, and its run.
 
     A run that takes longer than the one it is compared with is made twice: the first one of its

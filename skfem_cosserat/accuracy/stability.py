@@ -14,7 +14,7 @@ import numpy as np
 from ..arguments import checked
 from ..diagnostics.resolution import ALTERNATES, MOST_OFF
 from ..errors import Diverged, InputError, JobError
-from ..export.table import Report, ResultTable, provenance
+from ..export.table import Report, ResultTable, TableRow, provenance
 from ..history import History
 from ..model.limits import FAR_TURN
 from ..newton import NewtonSettings
@@ -187,7 +187,7 @@ class JudgeEnergy:
         scale: float | None = None,
         drift: float = 0.01,
         blowup: float = 10.0,
-    ) -> None:
+    ):
         item = "JudgeEnergy"
         if energy is not None and not callable(energy):
             raise InputError(item, f"energy = {energy!r}, expected a function of a History")
@@ -231,7 +231,8 @@ class JudgeEnergy:
 
     def _failed(self, error: Exception, time: float, change: float, blown: bool) -> Verdict:
         """Verdict on a run that failed, by the time it reached and its change of energy."""
-        reason, residual = in_words(error), float("nan")
+        reason = in_words(error)
+        residual = float("nan")
         state = "timeout" if isinstance(error, LATE) else "error"
         if isinstance(error, Diverged):
             residual = float(error.residual)
@@ -251,9 +252,11 @@ class JudgeEnergy:
 
         Before a failed step the momentum, which comes from that step, may not be known.
         """
-        t, energy = history.times, self._energies(history)
+        t = history.times
+        energy = self._energies(history)
         if failed and len(t) > 1 and np.isnan(energy[-1]):
-            t, energy = t[:-1], energy[:-1]
+            t = t[:-1]
+            energy = energy[:-1]
         after = np.flatnonzero(t >= self.since - 1e-12 * max(abs(t[-1]), abs(self.since)))
         if not len(after):
             return float(t[-1]), float("nan"), False
@@ -288,7 +291,7 @@ class JudgeEnergy:
 
     def _energies(self, history: History) -> Floats:
         if self.energy is not None:
-            values = np.asarray(self.energy(history), dtype=float)
+            values = np.asarray(self.energy(history), float)
             if values.shape != history.times.shape:
                 raise InputError(
                     "JudgeEnergy",
@@ -315,7 +318,8 @@ def full_protocol(error: Diverged) -> bool:
     >>> full_protocol(Diverged(0.0, 1, 1.0, "no convergence", "try", [[1.0]]))
     False
     """
-    given, full = error.settings, FULL_PROTOCOL
+    given = error.settings
+    full = FULL_PROTOCOL
     return (
         given is not None
         and len(error.residuals) >= ATTEMPTS
@@ -330,7 +334,7 @@ NAN = float("nan")
 
 
 @checked
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Map(Report):
     """Result of :func:`stability_map`; arrays have an axis for each parameter, in their order.
 
@@ -403,10 +407,10 @@ class Map(Report):
 
     def _array(self, name: str, kind: type = float) -> Array:
         values = [getattr(cell, name) for cell in self.cells.flat]
-        return np.array(values, dtype=kind).reshape(self.cells.shape)
+        return np.array(values, kind).reshape(self.cells.shape)
 
     @property
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[TableRow]:
         """One row a cell: parameters, verdict, seconds; a number that a cell lacks is NaN."""
         names = list(self.numbers)
         cells = zip(product(*self.axes.values()), self.cells.flat, self.seconds.flat, strict=True)
@@ -485,7 +489,7 @@ class Map(Report):
         if x == y or {x, y} - set(names):
             raise InputError("chart", f"x = {x!r}, y = {y!r}, expected two of {', '.join(names)}")
         fields = {text: self._line(text, line) for text, line in (lines or {}).items()}
-        order = [*[name for name in names if name not in (x, y)], y, x]
+        order = [*rest, y, x]
         places = [names.index(name) for name in order]
         return stability_chart(
             self.title if title is None else title,
@@ -501,9 +505,8 @@ class Map(Report):
             values = product(*self.axes.values())
             choices = [dict(zip(self.axes, choice, strict=True)) for choice in values]
             check_call(line, choices[0], f"line {text!r}")
-            found = [float(line(**choice)) for choice in choices]
-            return np.array(found).reshape(self.cells.shape)
-        field = np.asarray(line, dtype=float)
+            return np.array([float(line(**choice)) for choice in choices]).reshape(self.cells.shape)
+        field = np.asarray(line, float)
         if field.shape != self.cells.shape:
             raise InputError(
                 f"line {text!r}", f"shape {field.shape}, expected {self.cells.shape}, a cell each"
@@ -596,7 +599,7 @@ def stability_map(
     ...     t = step * np.arange(len(q))
     ...     series = {"t": t, "step": np.arange(len(q)), "q": q, "p": q}
     ...     return History({"status": "completed"}, {}, series)
-    >>> judge = JudgeEnergy(lambda history: (history["q"] ** 2).sum(axis=1))
+    >>> judge = JudgeEnergy(lambda history: (history["q"] ** 2).sum(1))
     >>> found = stability_map(spring, {"omega": (0.01, 1.0), "step": (1.0, 1e-3)}, judge)
     >>> found.status.tolist()
     [['ok', 'ok'], ['blowup', 'ok']]
@@ -623,7 +626,7 @@ def stability_map(
         check=_check,
         retry=retry,
     )
-    cells = np.empty(len(found), dtype=object)
+    cells = np.empty(len(found), object)
     cells[:] = [_verdict(each) for each in found]
     shape = [len(each) for each in values.values()]
     seconds = np.array([each.seconds for each in found])
@@ -635,7 +638,7 @@ def _axes(given: Any) -> dict[str, list[Any]]:
         raise InputError("argument axes", f"{given!r}, expected values of parameters by name")
     found = {}
     for name, values in given.items():
-        if isinstance(values, str | Mapping) or not isinstance(values, Iterable):
+        if isinstance(values, (str, Mapping)) or not isinstance(values, Iterable):
             raise InputError(f"axis {name!r}", f"{values!r}, expected a sequence of values")
         plain = [each.item() if isinstance(each, np.generic) else each for each in values]
         if not isinstance(name, str) or not plain:
@@ -652,7 +655,8 @@ def _cell(
     timeout_s: float | None,
 ) -> Verdict:
     """Run and judge a cell; what the judge raises is the cell's error."""
-    running, history = Caught(), None
+    running = Caught()
+    history = None
     arguments = parameters | _settings(problem, parameters)
     with running, TimeLimit(timeout_s):
         history = problem(**arguments)

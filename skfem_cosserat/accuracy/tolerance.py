@@ -20,7 +20,7 @@ from ..model import Model, System, model_of
 from ..notebook import Shown
 from ..statics import Control
 from ..types import TOLERANCE, Array, Floats, positive
-from ..warn import Notices, counted, repeat
+from ..warn import Notice, Notices, counted, repeat
 from .orders import left
 from .scene import Asked, Case, NotHere, Run, Scene
 from .simplification import Simpler, simplified
@@ -41,14 +41,15 @@ class Band(float):
     def __new__(cls, step: float, mesh: float) -> Band:
         """The sum of both parts."""
         band = super().__new__(cls, step + mesh)
-        band.step, band.mesh = step, mesh
+        band.step = step
+        band.mesh = mesh
         return band
 
     step: float
     mesh: float
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Answer(Shown):
     """Result of :func:`answer`.
 
@@ -91,7 +92,7 @@ class Answer(Shown):
     runs: int
     cost_s: float
     cost_of_run_s: float
-    warnings: list[dict[str, Any]]
+    warnings: list[Notice]
     tolerance: dict[str, float]
     _of: tuple[Scene, Run, Case] | None
 
@@ -118,10 +119,10 @@ class Answer(Shown):
 
     def __str__(self) -> str:
         """At most eight lines."""
-        state = "within the tolerance" if self.reached else f"not reached: {self.reason}"
-        lines = [state]
+        lines = ["within the tolerance" if self.reached else f"not reached: {self.reason}"]
         for name in sorted(self.band, key=lambda n: -self.band[n] / self.tolerance[n])[:4]:
-            band, value = self.band[name], np.asarray(self.values[name])
+            band = self.band[name]
+            value = np.asarray(self.values[name])
             last = value[-1] if len(self.times) and value.ndim and len(value) > 1 else value
             shown = np.array2string(np.asarray(last), precision=6, threshold=6)
             error = "error unknown"
@@ -257,7 +258,7 @@ class _Ended(Exception):
 
 
 class _Search:
-    def __init__(self, scene: Scene, budget: float, interrupt: Interrupt, show: Progress) -> None:
+    def __init__(self, scene: Scene, budget: float, interrupt: Interrupt, show: Progress):
         self.scene, self.budget, self.interrupt, self.show = scene, budget, interrupt, show
         self.tolerance = scene.asked.tolerance
         #: quantities that are judged
@@ -265,7 +266,8 @@ class _Search:
         self.runs: dict[Case, Run | None] = {}
         #: processor time (s) of each, also of those that failed
         self.costs: dict[Case, float] = {}
-        self.count, self.spent = 0, 0.0
+        self.count = 0
+        self.spent = 0.0
         #: what made the last run fail, and how many have failed without a pair that came through
         self.error: Exception | None = None
         self.failures = 0
@@ -293,7 +295,8 @@ class _Search:
         """A run; None if it fails."""
         if self.interrupt.asked:
             raise _Ended("it was interrupted")
-        begun, run = time.process_time(), None
+        begun = time.process_time()
+        run = None
         try:
             with Notices(quiet=True, alone=True):
                 run = self.scene.run(case, nudge)
@@ -328,7 +331,8 @@ class _Search:
 
     def rest(self) -> str:
         """Equilibria: order after order, until the difference of two is small enough, and fell."""
-        case, before = Case(1, 2, 0), np.inf
+        case = Case(1, 2, 0)
+        before = np.inf
         coarse = None
         while case.parts <= MOST_PARTS:
             fine = self.tried(case)
@@ -358,7 +362,7 @@ class _Search:
             coarse = self.tried(case)
             fine = None if coarse is None else self.tried(case.shorter)
             if coarse is None or fine is None:
-                coarse_mesh = isinstance(self.error, MeshError | NotHere)
+                coarse_mesh = isinstance(self.error, (MeshError, NotHere))
                 bent = isinstance(self.error, Diverged) and self.scene.beams and self.failures % 2
                 case = case.finer if coarse_mesh or bent else case._replace(steps=4 * case.steps)
                 continue
@@ -383,12 +387,13 @@ class _Search:
             if 2 * size <= 1:
                 what = f"its steps do not see what {unseen} does between their ends"
                 return what if unseen else ""
-            by_step, by_mesh = self.size(step), self.size(mesh)
+            by_step = self.size(step)
+            by_mesh = self.size(mesh)
             if by_step > 0.25:
                 if reason := self.doubt(case, coarse, fine, by_step):
                     return reason
                 halvings = np.log2(min(by_step, 1e9) / 0.2) / order
-                case = case._replace(steps=case.steps * 2 ** int(np.clip(np.ceil(halvings), 1, 3)))
+                case = case._replace(steps=case.steps * 2 ** int(np.ceil(halvings).clip(1, 3)))
             if by_mesh > 0.25:
                 for _ in range(2 if by_mesh > 10 else 1):
                     case = case.richer
@@ -410,13 +415,15 @@ class _Search:
         highest = 1.0 if len(coarse.jumps) else float(self.scene.order)
         half = self.runs.get(case.longer)
         before = between if half is None else _largest(half.distances(coarse))
-        errors, orders = {}, [highest]
+        errors = {}
+        orders = [highest]
         for name, last in between.items():
-            first, order = before[name], highest
+            first = before[name]
+            order = highest
             if half is None:
                 first = 0.0
             elif first > 0 < last:
-                order = float(np.clip(np.log2(first / last), 0.5, highest))
+                order = float(np.log2(first / last).clip(0.5, highest))
             orders.append(order)
             errors[name] = left(max(last, first / 2**order), order)
         return errors, min(orders)
@@ -494,7 +501,7 @@ def _largest(distances: Mapping[str, tuple[Floats, Floats]]) -> dict[str, float]
     return {name: float(gap.max(initial=0.0)) for name, (_, gap) in distances.items()}
 
 
-def _told(history: History) -> list[dict[str, Any]]:
+def _told(history: History) -> list[Notice]:
     """Warnings of a run; and of an equilibrium that motions lead away from."""
     found = list(history.meta.get("warnings", []))
     if "unstable" in history and history["unstable"][-1] > 0:

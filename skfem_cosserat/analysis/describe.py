@@ -49,7 +49,7 @@ from ..model.fingerprint import fingerprint, other_model
 from ..model.groups import lumped
 from ..model.theories import theory_of
 from ..time_function import of_the_user
-from ..types import Array, FilePath, Floats, IndexArray, names_known
+from ..types import Array, FilePath, Floats, IndexArray, Meta, names_known
 from ..version import VERSION
 from ..warn import Notices, warn
 
@@ -61,9 +61,9 @@ if TYPE_CHECKING:
 _installed = cache(version)
 
 
-def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
+def describe(system: System) -> tuple[Meta, dict[str, Floats]]:
     """Names and constant arrays of a system, as a history keeps them."""
-    meta: dict[str, Any] = {
+    meta: Meta = {
         "versions": {
             "skfem_cosserat": VERSION,
             "scikit-fem": _installed("scikit-fem"),
@@ -101,7 +101,7 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
     for joint in system.joints:
         _describe_joint(joint, system, static)
     for load in system.loads:
-        gravity = np.sum([term.acceleration() for term in load.made_of], axis=0)
+        gravity = np.sum([term.acceleration() for term in load.made_of], 0)
         own = {"acceleration": gravity.tolist()} if gravity.any() else {}
         meta["loads"].append({"name": load.name, "type": type(load).__name__, **own})
     forces = (each for each in acting(system) if isinstance(each, Force))
@@ -111,8 +111,7 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
 
 def shown(system: System) -> list[Coupling]:
     """Force elements between two places: those of own laws at places are listed as loads."""
-    own = [c for c in system.couplings.own if not whole_of(c).points]
-    return [*system.couplings.items, *own]
+    return [*system.couplings.items, *[c for c in system.couplings.own if not whole_of(c).points]]
 
 
 def _tied(item: Any, kind: str) -> dict[str, Any]:
@@ -122,7 +121,8 @@ def _tied(item: Any, kind: str) -> dict[str, Any]:
 
 def _describe_joint(joint: Joint, system: System, static: dict[str, Any]) -> None:
     """Axes (3, 3) of what a joint leaves free, the first last, in the frame of side a."""
-    key, a = f"joint/{joint.name}/", joint.a
+    key = f"joint/{joint.name}/"
+    a = joint.a
     with suppress(NotImplementedError, InputError):  # own joints for multipliers have no freedom
         free = joint.freedom()
         slides = [np.cross(slide.left, slide.right) for slide in free.slides]
@@ -145,11 +145,12 @@ def recorded_turns(system: System, history: History, index: int = -1) -> IndexAr
 
 
 def _describe_lump(
-    system: System, item: RigidBody | MassPoint, meta: dict[str, Any], static: dict[str, Any]
+    system: System, item: RigidBody | MassPoint, meta: Meta, static: dict[str, Any]
 ) -> None:
     """A body or mass point, also one that is attached to a node: it moves with that frame."""
     if isinstance(item, RigidBody):
-        place, surface = item.at(item.position), item.surface
+        place = item.at(item.position)
+        surface = item.surface
     else:  # off the origin of its frame: a small ball that moves with it
         place = item.place()
         surface = ball_surface(0.01 * system.length) if place.offset.any() else None
@@ -161,8 +162,8 @@ def _describe_lump(
         return
     meta["bodies"].append({"name": item.name, "shape": "surface" if rigid else "ball"})
     if surface is not None:
-        static[key + "points"] = np.array(surface[0], dtype=float) + place.offset
-        static[key + "faces"] = np.array(surface[1], dtype=np.int64)
+        static[key + "points"] = np.array(surface[0], float) + place.offset
+        static[key + "faces"] = np.array(surface[1], np.int64)
 
 
 def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[str, Any]:
@@ -170,12 +171,12 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
     row = system.first[id(beam)][1]
     nodes = len(beam.basis.nodes)
     names = sorted(beam.mesh.subdomains or {})
-    part = np.full(len(beam.section_id), -1, dtype=np.int64)
+    part = np.full(len(beam.section_id), -1, np.int64)
     for k, name in enumerate(names):
         part[beam.mesh.elements_of(name)] = k
     own = {
         "offsets": 3 * (row + 4 * np.arange(nodes, dtype=np.int64)),
-        "connectivity": np.asarray(beam.basis.connectivity, dtype=np.int64),
+        "connectivity": np.asarray(beam.basis.connectivity, np.int64),
         "lengths": beam.elements.lengths,
         "rotations": beam.rotations,
         "part": part,
@@ -205,8 +206,9 @@ def _described_sections(beam: Beam) -> dict[str, Array]:
     """Radii (ne, 2) at the ends of elements; of each section its shapes, or those of the nodes."""
     from ..section_field import distinct
 
-    radius, at = np.zeros((len(beam.section_id), 2)), np.linspace(0.0, 1.0, beam.basis.order + 1)
-    found: dict[str, Array] = {"radius": radius}
+    radius = np.zeros((len(beam.section_id), 2))
+    at = np.linspace(0.0, 1.0, beam.basis.order + 1)
+    found = {"radius": radius}
     for k in range(len(beam.sections)):
         own = np.flatnonzero(beam.section_id == k)
         with suppress(InputError):  # as at the point of a cone, which is drawn as a line
@@ -314,7 +316,7 @@ Asked = bool | Sequence[str] | None
 
 def checked_asked(derive: Asked, system: System, kind: Kind) -> Asked:
     """The argument `derive` of a run of this kind; InputError if it is none, or names no series."""
-    if derive is None or isinstance(derive, bool | np.bool_):
+    if derive is None or isinstance(derive, (bool, np.bool_)):
         return derive
     item = "argument derive"
     if isinstance(derive, str) or not isinstance(derive, Sequence):
@@ -507,6 +509,5 @@ def _stored_formulas(system: System) -> Formulas:
 
 def _balance(history: History) -> list[Floats]:
     """Energy less all work done since the start, and what was dissipated."""
-    work = sum(history[name] for name in WORKS)
-    balance = history["energy"] - work + history["dissipated"]
+    balance = history["energy"] - sum(history[name] for name in WORKS) + history["dissipated"]
     return [balance - balance[:1]]

@@ -26,8 +26,9 @@ class Interrupt:
         What is logged.
     """
 
-    def __init__(self, message: str = "the run ends after this step, its history is kept") -> None:
-        self.asked, self.message = False, message
+    def __init__(self, message: str = "the run ends after this step, its history is kept"):
+        self.asked = False
+        self.message = message
         self._main = threading.current_thread() is threading.main_thread()
 
     def __enter__(self) -> Interrupt:
@@ -78,14 +79,16 @@ class Progress:
         If `progress` is something else.
     """
 
-    def __init__(self, progress: object, text: Callable[..., str]) -> None:
+    def __init__(self, progress: object, text: Callable[..., str]):
         if not callable(progress) and not isinstance(progress, bool):
             raise InputError(
                 "argument progress", f"{progress!r}, expected True, False or a function"
             )
         self._function = progress if callable(progress) else None
-        self._text, self._on = text, progress is True
-        self._line, self._last = "", 0.0
+        self._text = text
+        self._on = progress is True
+        self._line = ""
+        self._last = 0.0
 
     def __call__(self, *numbers: Any) -> None:
         """Show these numbers now or soon."""

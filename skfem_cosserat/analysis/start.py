@@ -49,12 +49,13 @@ def _with_joint_rates(
     It fulfils the hidden constraints: loops and drives included. See
     :func:`~skfem_cosserat.project`.
     """
-    y, p = system.extend(q, t), diagnostics.momentum(system, v)
-    nearest = nearest_velocity(system, y, p, t)
+    y = system.extend(q, t)
+    nearest = nearest_velocity(system, y, diagnostics.momentum(system, v), t)
     if not rates:
         return nearest
     slopes = np.array([_gradient(system, name, y) for name in rates])
-    wanted, rows = np.array(list(rates.values())), system.rows
+    wanted = np.array(list(rates.values()))
+    rows = system.rows
     impulses = slopes[:, :rows].reshape(len(rates), -1)
     given = wanted - (slopes[:, rows:] * system.ground_rate(t)).sum((1, 2)) - impulses @ nearest
     # how the scene answers to a unit impulse on each coordinate
@@ -108,7 +109,8 @@ def _least_strained(
     start : (n,) array
         Any change that has these rates and fulfils the hidden constraints.
     """
-    P, S = null_space_matrix(system, y), material_stiffness(system, y)
+    P = null_space_matrix(system, y)
+    S = material_stiffness(system, y)
     M = full_mass(system)
     # of motions of pieces with unit kinetic energy those that joints, rates and a plane allow
     there = np.flatnonzero((rigid.T @ M @ rigid).diagonal() > 0)  # a mass point has no rotations
@@ -127,7 +129,8 @@ def _least_strained(
     rows = np.vstack([slopes @ P, (M @ idle).T @ P])
     values = np.concatenate([np.zeros(len(slopes)), -(idle.T @ (M @ start))])
     size = np.linalg.norm(rows, axis=1)
-    rows, values = rows / size[:, None], values / size
+    rows = rows / size[:, None]
+    values = values / size
     _, R, order = qr(rows.T, pivoting=True, mode="economic")
     diagonal = abs(np.diag(R))
     chosen = order[: (diagonal > TOLERANCE * diagonal.max(initial=0.0)).sum()]
@@ -245,7 +248,8 @@ def project(
     """
     velocity = np.zeros(system.n) if v is None else _checked(system, "v", v, "projection")
     configuration = _checked(system, "q", q, "projection")
-    wanted, t = _given(rates), finite("project", "t", t)
+    wanted = _given(rates)
+    t = finite("project", "t", t)
     return _with_joint_rates(system, configuration, velocity, wanted, t)
 
 
@@ -347,8 +351,7 @@ def _check_velocity(system: System, y: Floats, v: Floats, time: float, tolerance
     # the rate of a prescribed motion is known to a difference quotient's error only
     floor = 4 * error + (1e-11 * system.length if system.moving else 0.0)
     # what is held at rest in a moving scene has rates of rounding size only
-    most = np.full_like(rates, largest(rates))
-    rounding = 1e-13 * system.constraints.magnitudes(y, most)
+    rounding = 1e-13 * system.constraints.magnitudes(y, np.full_like(rates, largest(rates)))
     excess = hidden - tolerance * system.constraints.magnitudes(y, rates) - floor - rounding
     if excess.max(initial=0.0) > 0:
         row = excess.argmax()
@@ -368,7 +371,7 @@ def broken_momentum(
     allowed = max(tolerance * largest(p), 1e-13)
     if system.moving:  # as far as rates of the ground are known
         rate = 4 * system.ground_rate_and_error(time)[1] + 1e-11 * system.length
-        allowed += rate * float(abs(system.mass).sum(axis=1).max())
+        allowed += rate * float(abs(system.mass).sum(1).max())
     if not miss.max(initial=0.0) > allowed:
         return None
     row = int(miss.argmax())
@@ -421,7 +424,8 @@ def _checked(
     item: str = "initial state",
     size: int | None = None,
 ) -> Floats:
-    array, shape = numbers(item, name, value), (system.n if size is None else size,)
+    array = numbers(item, name, value)
+    shape = (system.n if size is None else size,)
     if array.shape != shape:
         given = f"{name} = {shown(value)} has shape {array.shape}"
         raise InputError(item, f"{given}, expected {shape}")
@@ -489,8 +493,8 @@ def carry_state(source: Model | System, target: Model | System, state: State) ->
     q, v = transfer(source, target, state.q, v)
     q, v = _settled(source, target, state.q, q, v, state.time)
     q, v = _held(source, target, q, v, state.time)
-    p, factor = diagnostics.momentum(target, v), state.load_factor
-    return State(state.time, state.index, q, p, True, state.turns, load_factor=factor)
+    p = diagnostics.momentum(target, v)
+    return State(state.time, state.index, q, p, True, state.turns, load_factor=state.load_factor)
 
 
 def _settled(
@@ -504,7 +508,8 @@ def _settled(
     y = source.extend(before, t)
     a = nearest_velocity(source, y, -balance(source, y, loads).R.ravel(), None)
     inertia = diagnostics.momentum(target, transfer(source, target, before, a)[1])
-    rows, y = new_rows(source, target), target.extend(q, t)
+    rows = new_rows(source, target)
+    y = target.extend(q, t)
     rest = settled(target, y, amplitudes_at(target, t), rows, inertia)
     rates = v.reshape(-1, 3).copy()
     rates[rows[:, 1:]] = np.cross(spins(y[rows], rates[rows])[:, None], rest[rows[:, 1:]])

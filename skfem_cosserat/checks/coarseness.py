@@ -83,7 +83,8 @@ def _both(group: BeamGroup, nodal: Array, stress: Array, force: Array, spread: A
     """
     from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
 
-    e, h = group.elements, group.elements.lengths[:, None, None]
+    e = group.elements
+    h = group.elements.lengths[:, None, None]
     z, w, at, shapes, over = _tables(group.interpolation)
     weights = lagrange(e.points, z).T
     density = np.einsum("qa,eaic->eqic", shapes, spread) / h[..., None]
@@ -94,7 +95,8 @@ def _both(group: BeamGroup, nodal: Array, stress: Array, force: Array, spread: A
     balanced = components(np.einsum("aq,eaic->eqic", at.values, turned), statics.n, m)
     found = weights @ stress
     if np.iscomplexobj(found):
-        balanced, found = balanced.imag / STEP, found.imag / STEP
+        balanced = balanced.imag / STEP
+        found = found.imag / STEP
     stiffness = np.einsum("qg,egij->eqij", weights, e.stiffness)
     held = np.eye(6) * (np.einsum("eqii->eqi", stiffness) == 0)[..., None]
     compliance = np.linalg.inv(stiffness + held) - held

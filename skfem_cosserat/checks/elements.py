@@ -22,11 +22,11 @@ LACKING = 0.1
 
 def inside_out(result: Recorded) -> Iterator[Doubt]:
     """Elements that are pressed to no length or less, as no real bar can be."""
-    system, history = result.system, result.history
+    system = result.system
+    history = result.history
     for group in system.beam_groups:
-        stretch = group_stretches(group, history["q"]).min(axis=2)
-        rows = np.flatnonzero((stretch <= 0).any(axis=1))
-        for row in rows[:1]:
+        stretch = group_stretches(group, history["q"]).min(2)
+        for row in np.flatnonzero((stretch <= 0).any(1))[:1]:
             worst = stretch[row].argmin()
             beam, e = beam_of(system, group, worst)
             yield Doubt(
@@ -52,7 +52,8 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
     lams = np.zeros((len(rows), system.m))
     if system.theory_rows:
         lams = multipliers(system, states, history["constraint_force"][rows])
-    total, factors = np.zeros((len(beams), 2)), recorded_factors(system, history)
+    total = np.zeros((len(beams), 2))
+    factors = recorded_factors(system, history)
     for row, y, lam in zip(rows, states, lams, strict=True):
         if np.isfinite(lam).all():
             acting = recorded_amplitudes(history, row) if at_rest else None
@@ -64,7 +65,7 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
             ]
             total += energies(system, y, stresses, acting)
     total[~seen, 0] = 0.0
-    lacking, stored = total.sum(axis=0)
+    lacking, stored = total.sum(0)
     stiffest = sum(
         float(b.elements.weighted_stiffness.trace(axis1=2, axis2=3).sum()) for b in beams
     )
@@ -78,11 +79,13 @@ def coarse(result: Recorded) -> Iterator[Doubt]:
 
 def coarse_shapes(result: Shapes) -> Iterator[Doubt]:
     """Modes that the mesh makes, or makes wrong."""
-    lacking, stored = result.energies.sum(axis=1).T
+    lacking, stored = result.energies.sum(1).T
     share = abs(lacking) / np.where(result.energy > 0, np.maximum(result.energy, stored), np.inf)
-    found, worst = np.flatnonzero(share > LACKING), int(share.argmax())
+    found = np.flatnonzero(share > LACKING)
+    worst = int(share.argmax())
     if len(found):
-        of, told = f"mode {', '.join(map(str, found))}", f"the {result.told} of mode {worst}"
+        of = f"mode {', '.join(map(str, found))}"
+        told = f"the {result.told} of mode {worst}"
         off = (1 + share[worst]) ** (1 / result.power) - 1
         yield _coarse(result.system, of, told, result.energies[worst], off)
 

@@ -116,7 +116,7 @@ class Run(Recorded):
         history = self.history
         if self.comparable:
             return doubtful_steps(self.system, history)
-        return np.zeros(len(history), dtype=bool)
+        return np.zeros(len(history), bool)
 
     @cached_property
     def alternation(self) -> Alternation | None:
@@ -160,7 +160,8 @@ class Run(Recorded):
         are bent or drawn too far in a recorded state; ``h_omega_c``, see
         :class:`skfem_cosserat.diagnostics.Alternation`.
         """
-        found, balance = self.resolution, self.balance
+        found = self.resolution
+        balance = self.balance
         with np.errstate(all="ignore" if self.failed else None):  # it may have blown up
             out = {"elements": float(bool(self.bent or self.drawn))}
         if self.comparable:
@@ -231,7 +232,8 @@ def unseen_inputs(run: Run) -> Iterator[Doubt]:
 
 def early_end(run: Run) -> Iterator[Doubt]:
     """A run whose time is no multiple of its step, which ends before the time asked for."""
-    history, until = run.history, run.history.meta["until"]
+    history = run.history
+    until = run.history.meta["until"]
     start, end = history.times[[0, -1]]
     rest = until - end
     if (
@@ -270,7 +272,7 @@ def energies(
     if node_momentum:
         return kinetic_energy(system, p) + stored
     v, own = Projection(system).stack(q, p, times)
-    return 0.5 * (v * own).sum(axis=1) + stored
+    return 0.5 * (v * own).sum(1) + stored
 
 
 def _balance(run: Run) -> Balance:
@@ -294,10 +296,12 @@ def _balance(run: Run) -> Balance:
     scale = scale if scale > max(NOISE * held, rest) else 0.0
     names = "start", "end", "loads", "actuators", "drives", "dissipated", "lost", "scale"
     ends = found[0], found[-1], *(work[-1] for work in works), taken[-1], lost[-1], scale
-    over, k = np.maximum(lost / (LOST if run.scheme["loses"] else OFF), -lost / OFF), -1
+    over = np.maximum(lost / (LOST if run.scheme["loses"] else OFF), -lost / OFF)
+    k = -1
     size = scale
     if over[-1] <= scale:  # in order at the end, but perhaps not before
-        k, size = int(over.argmax()), max(scale, float(np.nanmax(found)))
+        k = int(over.argmax())
+        size = max(scale, float(np.nanmax(found)))
     off = scale > 0 and not over[k] <= size
     numbers = dict(zip(names, map(float, ends), strict=True))
     return Balance(numbers, history.times[rows[k]], lost[k], size if off else 0.0)
@@ -308,7 +312,8 @@ def unbalanced(run: Run) -> Iterator[Doubt]:
     found = run.balance
     if not isinstance(found, Balance) or found.scale == 0:
         return
-    numbers, scale = found.numbers, found.scale
+    numbers = found.numbers
+    scale = found.scale
     amount = (
         f"the run {'gained' if found.lost < 0 else 'lost'} {abs(found.lost):.3g} J,"
         f" {100 * abs(found.lost) / scale:.3g} % of {scale:.3g} J, the largest of its energies and"

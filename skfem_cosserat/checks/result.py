@@ -66,7 +66,8 @@ class Recorded:
     @cached_property
     def bent(self) -> list[Doubt]:
         """A beam whose elements are bent too far, in the first state that shows it."""
-        system, history = self.system, self.history
+        system = self.system
+        history = self.history
         states = history["q"].reshape(len(history), -1, 3)
         first = first_over_rotated(system, states)
         found = None if first is None else over_rotated_beam(system, states[first])
@@ -75,7 +76,8 @@ class Recorded:
     @cached_property
     def drawn(self) -> list[Doubt]:
         """A beam whose elements are drawn too much: of the end nothing may be seen any more."""
-        system, history = self.system, self.history
+        system = self.system
+        history = self.history
         factors = recorded_factors(system, history)
         for k in spread(len(history)) if system.beam_groups else ():
             y = system.extend(history["q"][k], float(history.instants[k]))

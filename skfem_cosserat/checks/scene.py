@@ -22,7 +22,8 @@ def falls(run: Run) -> Iterator[Doubt]:
 
     Where events or forces of own laws act, it is meant to fall: onto something, or after a release.
     """
-    system, history = run.system, run.history
+    system = run.system
+    history = run.history
     weights = [np.any(term.acceleration()) for term in system.loading.terms]
     weighed = bool(weights) and all(weights) and not system.couplings.own
     free = weighed and separate_parts(system).free.all()
@@ -33,7 +34,8 @@ def falls(run: Run) -> Iterator[Doubt]:
 
 def open_constraints(run: Run) -> Iterator[Doubt]:
     """Constraints that recorded states do not fulfil to rounding; the first of some states."""
-    system, history = run.system, run.history
+    system = run.system
+    history = run.history
     first, end = history.segments[-1]  # those of this system
     for k in (first + spread(end - first)).tolist():
         t = float(history.times[k])
@@ -52,9 +54,11 @@ def off_plane(run: Run) -> Iterator[Doubt]:
 
 def free_end(path: Path) -> Iterator[Doubt]:
     """A motion that nothing holds in the equilibrium at the end, as of what a slack cable ties."""
-    system, history = path.system, path.history
-    instant, load_factor = float(history.instants[-1]), float(history["load_factor"][-1])
-    y, amplitudes = system.extend(history["q"][-1], instant), recorded_amplitudes(history)
+    system = path.system
+    history = path.history
+    load_factor = float(history["load_factor"][-1])
+    y = system.extend(history["q"][-1], float(history.instants[-1]))
+    amplitudes = recorded_amplitudes(history)
     turns = history["turns"][-1] if "turns" in history else None
     tangent = reduced_tangent(system, y, amplitudes, balance(system, y, amplitudes, turns=turns))
     free = free_motion(system, tangent) if system.unknowns else None

@@ -18,7 +18,7 @@ from ..model.closure import Selected
 from ..model.groups import Blocks
 from ..model.loops import Passages
 from ..pattern import FrozenPattern, sum_at
-from ..types import Array, Floats, IndexArray, largest
+from ..types import NO_INDICES, Array, Floats, IndexArray, largest
 
 # --------------------------------------------------------------------------------------------------
 # The constraint Jacobian at one configuration: least-norm solutions, also with redundant rows.
@@ -36,14 +36,14 @@ def rows_touching(system: System, coordinates: Array) -> Array:
     """
     y = np.random.default_rng(1).uniform(0.5, 1.5, (system.total, 3))
     G = abs(system.constraints.jacobian(y)).tocsr()
-    largest = np.asarray(G.max(axis=1).todense()).ravel()
-    return np.asarray(G[:, np.flatnonzero(coordinates)].sum(axis=1)).ravel() > 1e-12 * largest
+    largest = np.asarray(G.max(1).todense()).ravel()
+    return np.asarray(G[:, np.flatnonzero(coordinates)].sum(1)).ravel() > 1e-12 * largest
 
 
 def dependent_rows(system: System, y: Floats) -> IndexArray:
     """Numbers of the constraint rows that depend on the others at y (total, 3)."""
     if not len(system.closure.rows):
-        return np.zeros(0, dtype=np.int64)
+        return NO_INDICES
     return np.flatnonzero(~system.independent_rows(y))
 
 
@@ -56,7 +56,7 @@ class RowSpace:
         If those rows depend on each other, in a configuration of lower rank.
     """
 
-    def __init__(self, system: System, y: Floats) -> None:
+    def __init__(self, system: System, y: Floats):
         self.m = system.m
         G = system.constraints.jacobian(y).tocsr()
         self._dropped = dependent_rows(system, y)
@@ -174,7 +174,7 @@ class BoundTreatment(ABC):
     #: motion (rad, or relative to the scene) within which no singular position can be
     clearance: float = 0.0
     #: constraint rows that close loops in this step, independent of each other
-    closing: IndexArray = np.zeros(0, dtype=np.int64)
+    closing: IndexArray = NO_INDICES
     #: increments of the last step, for one of the size of this one; None: there are none
     last: Array | None = None
     #: rows at the start of the step; the ground's rows at its end, which may change on the way
@@ -183,7 +183,7 @@ class BoundTreatment(ABC):
 
     _sized: bool = False
 
-    def __init__(self, system: System, weight: float) -> None:
+    def __init__(self, system: System, weight: float):
         self.system = system
         self.weight = weight
         self._passages = Passages(system)
@@ -286,7 +286,8 @@ class BoundTreatment(ABC):
 
         A change of directors stands for a rotation.
         """
-        system, d = self.system, abs(self.displacement(increment, y1))
+        system = self.system
+        d = abs(self.displacement(increment, y1))
         shift = d[system.origin_rows].max(initial=0.0) / system.length
         turn = d[system.kinematics.director_rows].max(initial=0.0)
         return float(max(shift, turn)), float(turn)
@@ -323,7 +324,8 @@ class BoundTreatment(ABC):
     def _scale_gaps(self, blocks: Sequence[Array]) -> None:
         """Scale constraint rows by the largest entry of the first matrix of a step."""
         if not self._sized:  # a scene without stiffness, on a path, has blocks of zeros
-            self.gap_scale, self._sized = max(float(abs(b).max()) for b in blocks) or 1.0, True
+            self.gap_scale = max(float(abs(b).max()) for b in blocks) or 1.0
+            self._sized = True
 
 
 def half_turn(system: System, y0: Array, y1: Array) -> str | None:
@@ -360,13 +362,13 @@ class Congruence:
         Of the product, whatever vanishes in it.
     """
 
-    def __init__(self, full: FrozenPattern, by: FrozenPattern) -> None:
-        self._full, self._by = full, by
+    def __init__(self, full: FrozenPattern, by: FrozenPattern):
+        self._full = full
+        self._by = by
         Z = by.matrix(np.ones(len(by.slot)))
         whole = (Z.T @ full.matrix(np.ones(len(full.slot))) @ Z).tocoo()
         self.pattern = FrozenPattern(whole.row, whole.col, whole.shape)
-        columns = np.repeat(np.arange(whole.shape[1]), np.diff(self.pattern.indptr))
-        self._codes = columns * whole.shape[0] + self.pattern.indices
+        self._codes = self.pattern.columns * whole.shape[0] + self.pattern.indices
 
     def data(self, A: Floats, left: Floats, right: Floats) -> Floats:
         """Entries in :attr:`pattern` from those of A and of Z."""
@@ -379,7 +381,7 @@ class Congruence:
 
 def group_pairs(system: System, dofs: list[IndexArray]) -> tuple[IndexArray, IndexArray]:
     """Row and column numbers of all block entries, groups one after the other."""
-    rows = [np.repeat(d, d.shape[1], axis=1).ravel() for d in dofs]
+    rows = [d.repeat(d.shape[1], 1).ravel() for d in dofs]
     cols = [np.tile(d, (1, d.shape[1])).ravel() for d in dofs]
     return np.concatenate(rows), np.concatenate(cols)
 

@@ -15,7 +15,7 @@ from ..model.groups import Blocks, Parts
 from ..model.loops import coordinates_in_plane, rows_in_plane, way_off
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, sum_at
-from ..types import Array, Floats, switch
+from ..types import NO_INDICES, Array, Floats, switch
 from .base import BoundTreatment, Congruence, Treatment, group_pairs, pair_numbers
 
 # -- unknowns with multipliers in one plane: coordinates and constraint rows that act there --------
@@ -45,7 +45,7 @@ class Restriction:
         Of the matrix of the unknowns in the plane.
     """
 
-    def __init__(self, system: System, pattern: FrozenPattern) -> None:
+    def __init__(self, system: System, pattern: FrozenPattern):
         self.system = system
         #: coordinates (n, count) by those in the plane
         self.along, self.kept = coordinates_in_plane(system), rows_in_plane(system)
@@ -67,8 +67,7 @@ class Restriction:
 
     def restrict(self, residual: Array) -> Array:
         """``E^T r`` of (n + m,) or (n,) numbers."""
-        back = self._to_plane if len(residual) == self.system.n else self._back
-        return back @ residual
+        return (self._to_plane if len(residual) == self.system.n else self._back) @ residual
 
     def expand(self, unknowns: Array) -> Array:
         """``E u`` (n + m,)."""
@@ -111,7 +110,7 @@ class Multipliers(Treatment):
     name = "multipliers"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equation (22)"
 
-    def __init__(self, scaled: bool = True, full: bool = False) -> None:
+    def __init__(self, scaled: bool = True, full: bool = False):
         self.scaled = switch("argument scaled", scaled)
         self.full = switch("argument full", full) or not self.scaled
 
@@ -131,15 +130,16 @@ class BoundMultipliers(BoundTreatment):
     Internally the unknown is the impulse ``h lambda``, scaled.
     """
 
-    def __init__(self, system: System, weight: float, scaled: bool, large: bool) -> None:
+    def __init__(self, system: System, weight: float, scaled: bool, large: bool):
         super().__init__(system, weight)
         n, m, g = system.n, system.m, system.constraints
         self.scaled = scaled
         self._large = large
         i, j = group_pairs(system, [group.dofs for group in system.groups])
-        gi, gj = g.G_rows, g.G_cols
+        gi = g.G_rows
+        gj = g.G_cols
         self._redundant = system.closure.rank < len(system.closure.rows)
-        loop = n + system.closure.rows if self._redundant else np.zeros(0, dtype=np.int64)
+        loop = n + system.closure.rows if self._redundant else NO_INDICES
         ci, cj = pair_numbers(system.coupled_rows, 3 * np.arange(system.rows))
         rows = [i, ci, gj, n + gi, loop]
         cols = [j, cj, n + gi, gj, loop]
@@ -156,7 +156,7 @@ class BoundMultipliers(BoundTreatment):
         size = g.magnitudes(system.extend(system.q0, 0.0))
         size = size if self._inside is None else size[self._inside.kept]
         self.gap_terms = np.where(size > 0, size, 1.0)
-        self._q0: Floats = np.zeros(n)
+        self._q0 = np.zeros(n)
         self.sought = self._q0, np.zeros(m)
         self._keep = np.ones(m)
         if self._inside is not None:
@@ -171,7 +171,7 @@ class BoundMultipliers(BoundTreatment):
             self._choose(y0, momentum)
         if self._redundant:  # the multipliers of rows that depend on others are not in use
             keep = self._keep if self._inside is None else self._keep[self._inside.kept]
-            self.active = np.concatenate([np.ones(self._coordinates, dtype=bool), keep > 0])
+            self.active = np.concatenate([np.ones(self._coordinates, bool), keep > 0])
         self._q0 = y0[: self.system.rows].reshape(-1)
         self._jacobian = self.system.constraints.jacobian_values(self._regular(y0))
         self._sized = False
@@ -218,7 +218,8 @@ class BoundMultipliers(BoundTreatment):
         """
         n = self.system.n
         if extrapolate and self.last is not None:
-            q, multiplier = self._q0 + self.last[:n], self.last[n:]
+            q = self._q0 + self.last[:n]
+            multiplier = self.last[n:]
             self._turn_directors(q, self.last[:n])
         else:
             q = self._q0 + (self._following() if self._away is None else self._away)
@@ -235,10 +236,12 @@ class BoundMultipliers(BoundTreatment):
     def _balancing(self, R: Array, y: Array) -> Array:
         """Multipliers that balance R at y best; zero for rows that depend on others."""
         kept = np.flatnonzero(self._keep)
-        G, force = self.system.constraints.jacobian(y)[kept], R.reshape(-1)
+        G = self.system.constraints.jacobian(y)[kept]
+        force = R.reshape(-1)
         if self._inside is not None:
-            G, force = G @ self._inside.along, self._inside.restrict(force)
-        out = np.zeros(self.system.m, dtype=R.dtype)
+            G = G @ self._inside.along
+            force = self._inside.restrict(force)
+        out = np.zeros(self.system.m, R.dtype)
         if len(kept):
             out[kept] = -splu((G @ G.T).tocsc()).solve(G @ force)
         return out
@@ -278,7 +281,7 @@ class BoundMultipliers(BoundTreatment):
         n = self.system.n
         force = self._left * self.sought[1].take(constraints.G_rows)
         summed = sum_at(constraints.G_cols, force, n)
-        out = np.empty(n + self.system.m, dtype=np.result_type(R, force, y1))
+        out = np.empty(n + self.system.m, np.result_type(R, force, y1))
         self._found = summed
         out[:n] = R.reshape(-1) + summed
         out[n:] = constraints.values(y1)
@@ -303,14 +306,17 @@ class BoundMultipliers(BoundTreatment):
         full = [b.blocks() if isinstance(b, Parts) else b for b in blocks]
         if self.scaled:
             self._scale_gaps(full)
-        constraints, size = self.system.constraints, self.gap_scale
+        constraints = self.system.constraints
+        size = self.gap_scale
         column, row = (size, size) if self.scaled and scaled else (self.h, 1.0)
         values = [b.ravel() for b in full]
-        left, right = self._left, constraints.jacobian_values(y1)
+        left = self._left
+        right = constraints.jacobian_values(y1)
         dead = np.zeros(0)
         if self._redundant:
             keep = self._keep[constraints.G_rows]
-            left, right = left * keep, right * keep
+            left = left * keep
+            right = right * keep
             dead = 1.0 - self._keep[self.system.closure.rows]
         values += [column * left, row * right, row * dead]
         if self.weight:
@@ -327,7 +333,8 @@ class BoundMultipliers(BoundTreatment):
 
     def move(self, increment: Array) -> None:
         """Add an increment of the unknowns to the coordinates and multipliers."""
-        n, increment = self.system.n, self._expanded(increment)
+        n = self.system.n
+        increment = self._expanded(increment)
         factor = self.gap_scale if self.scaled else self.h
         q, multiplier = self.sought
         q = self._turned(increment[:n].reshape(-1, 3)) if self._large else q + increment[:n]

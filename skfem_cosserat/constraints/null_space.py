@@ -17,7 +17,7 @@ from ..model.kinematics import Located, Recursion
 from ..model.loops import way_on
 from ..model.reparametrisation import Reparametrisation
 from ..pattern import FrozenPattern, sum_at
-from ..types import Array, Floats, IndexArray
+from ..types import NO_INDICES, Array, Floats, IndexArray
 from ..warn import warn
 from .base import BoundTreatment, Congruence, RowSpace, Treatment, group_pairs, pair_numbers
 
@@ -59,7 +59,7 @@ class JointByJoint:
         extra: tuple[IndexArray, IndexArray],
         rows: RowsByTwists,
         count: int,
-    ) -> None:
+    ):
         S = recursion.own
         twists, unknowns = S.shape
         alone = np.bincount(S.rows, minlength=twists) == 1
@@ -73,12 +73,15 @@ class JointByJoint:
         own = np.flatnonzero(alone[S.rows])
         twist[S.rows[own]] = coordinate[S.cols[own]]
         self._joints = np.flatnonzero(~alone[S.rows])
-        at, of = S.rows[self._joints], coordinate[S.cols[self._joints]]
+        at = S.rows[self._joints]
+        of = coordinate[S.cols[self._joints]]
         i, j = recursion.transport
         self._moved = np.flatnonzero(~alone[i])
-        i, j = i[self._moved], j[self._moved]
+        i = i[self._moved]
+        j = j[self._moved]
         k, other = extra
-        held, moved = self.helping + unknowns + rows.row, twist[rows.twist]
+        held = self.helping + unknowns + rows.row
+        moved = twist[rows.twist]
         ends = [
             (twist[pairs[0]], twist[pairs[1]]),
             (coordinate[k], twist[other]),
@@ -90,7 +93,7 @@ class JointByJoint:
             (held, moved),
         ]
         size = self.helping + unknowns + count
-        rows_of, columns_of = (np.concatenate(each) for each in zip(*ends, strict=True))
+        rows_of, columns_of = map(np.concatenate, zip(*ends, strict=True))
         self.pattern = FrozenPattern(rows_of, columns_of, (size, size))
         self._recursion = recursion
 
@@ -107,7 +110,8 @@ class JointByJoint:
         `scale`: size of A, which equations and forces that help are given.
         """
         (S_left, X_left), (S_right, X_right) = map(self._recursion.split, T)
-        moved, joints = self._moved, self._joints
+        moved = self._moved
+        joints = self._joints
         tree = [X_right[moved], -X_left[moved], -S_right[joints], S_left[joints]]
         return self.pattern.data(np.concatenate([*A, C, scale * np.concatenate(tree), *rows]))
 
@@ -124,15 +128,16 @@ class LoopReduction(Congruence):
         How many of these.
     """
 
-    def __init__(self, full: FrozenPattern, closure: Closure, before: int, behind: int) -> None:
+    def __init__(self, full: FrozenPattern, closure: Closure, before: int, behind: int):
         rows, cols, self._ones = closure.null_pattern()
         free = len(cols) and int(cols.max()) + 1
-        first, last = np.arange(before), np.arange(behind)
-        shape = full.shape[0], before + free + behind
+        first = np.arange(before)
+        last = np.arange(behind)
         rows = np.concatenate([first, before + rows, full.shape[0] - behind + last])
         cols = np.concatenate([first, before + cols, before + free + last])
-        super().__init__(full, FrozenPattern(rows, cols, shape))
-        self._closure, self._apart = closure, (np.ones(before), np.ones(behind))
+        super().__init__(full, FrozenPattern(rows, cols, (full.shape[0], before + free + behind)))
+        self._closure = closure
+        self._apart = (np.ones(before), np.ones(behind))
 
     def values(self, chosen: list[Selected]) -> Floats:
         """Entries of Z for rows at one configuration."""
@@ -197,13 +202,14 @@ class BoundNullSpace(BoundTreatment):
 
     by_motion = True
 
-    def __init__(self, system: System, weight: float, large: bool = False) -> None:
+    def __init__(self, system: System, weight: float, large: bool = False):
         super().__init__(system, weight)
         kin = self.kin = system.kinematics
-        self.closure, self._large = system.closure, large
+        self.closure = system.closure
+        self._large = large
         self._held = held = system.held_rows
         self.unknowns = kin.unknowns - self.closure.rank + len(held)
-        number = np.zeros(len(system.origin_rows), dtype=np.int64)
+        number = np.zeros(len(system.origin_rows), np.int64)
         number[kin.frames] = np.arange(len(kin.frames))
         rows = [kin.director_rows[number[g.vertices]] if g.framed else None for g in system.groups]
         #: of each group, first rows of directors of each element's nodes; none of points
@@ -239,11 +245,10 @@ class BoundNullSpace(BoundTreatment):
     @cached_property
     def solver(self) -> LinearSolver:  # type: ignore[override]
         """Solver of the reduced matrix, with unknowns that only help in front."""
-        system = self.system
         pattern = self._reduction.pattern if self._loops else self._tree_matrix.pattern
         beams = [
             each.beam.label
-            for each in system.theory_rows
+            for each in self.system.theory_rows
             if np.isin(each.numbers, self.closure.rows).any()
         ]
         if beams and pattern.nnz > CROWDED:
@@ -258,7 +263,8 @@ class BoundNullSpace(BoundTreatment):
     @cached_property
     def _tree_matrix(self) -> JointByJoint:
         """From blocks by twists to the tree's coordinates."""
-        system, kin = self.system, self.kin
+        system = self.system
+        kin = self.kin
         dofs = [
             (kin.twist_of[g.vertices][:, :, None] + np.arange(6 if g.framed else 3)).reshape(
                 len(g.vertices), -1
@@ -266,10 +272,10 @@ class BoundNullSpace(BoundTreatment):
             for g in system.groups
         ]
         ends = [group_pairs(system, dofs), pair_numbers(self._row_pairs, kin.row_twist)]
-        extra = (np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64))
+        extra = (NO_INDICES, NO_INDICES)
         if self.weight:  # derivative of P: moments on each frame, and the tree's
             omega = kin.frame_twist[:, 3:]
-            ends.append((np.repeat(omega, 3, axis=1).ravel(), np.tile(omega, (1, 3)).ravel()))
+            ends.append((omega.repeat(3, 1).ravel(), np.tile(omega, (1, 3)).ravel()))
             ends.append(kin.recursion.moment_pattern())
             extra = kin.recursion.own.curvature_pattern()
         pairs = np.concatenate([i for i, _ in ends]), np.concatenate([j for _, j in ends])
@@ -371,8 +377,7 @@ class BoundNullSpace(BoundTreatment):
         """Move the tree's coordinates (K,), and add to the multipliers of strains."""
         self.nodal.add(increment)
         self._multipliers = self._multipliers + multipliers
-        before = self.moved[: len(increment)]
-        self.moved = np.concatenate([before + increment, self._multipliers])
+        self.moved = np.concatenate([self.moved[: len(increment)] + increment, self._multipliers])
 
     def configure(self) -> Array:
         """``y_1`` (all rows) sought, after its loops are closed."""
@@ -388,15 +393,17 @@ class BoundNullSpace(BoundTreatment):
         A step's first guess is moved once only: an iteration follows.
         """
         self.trouble = None
-        kin, closure = self.kin, self.closure
-        enough, self._enough = self._enough, QUADRATIC
+        kin = self.kin
+        closure = self.closure
+        enough = self._enough
+        self._enough = QUADRATIC
         for _ in range(CLOSING):
             g = self.system.constraints.values(y1)
             gaps = [closure.violation(s, g) for s in self._chosen]
             if max(float(abs(gap).max(initial=0.0)) for gap in gaps) <= CLOSED:
                 return y1
             T = self._entries_of_tree(y1)
-            step = np.zeros(kin.unknowns, dtype=y1.dtype)
+            step = np.zeros(kin.unknowns, y1.dtype)
             for s, gap in zip(closure.again(self._chosen, y1, T), gaps, strict=True):
                 step[s.component.columns] = s.correction(gap)
             size = self._size(step)[0]
@@ -433,7 +440,7 @@ class BoundNullSpace(BoundTreatment):
 
     def _all_multipliers(self) -> Array:
         """Multipliers of all constraint rows (m,): zero of those that have none."""
-        out = np.zeros(self.system.m, dtype=self._multipliers.dtype)
+        out = np.zeros(self.system.m, self._multipliers.dtype)
         out[self._held] = self._multipliers
         return out
 
@@ -456,16 +463,15 @@ class BoundNullSpace(BoundTreatment):
     def _null_spaces(self, y: Array) -> list[Array | None]:
         """``P_int(y)`` of the blocks of each group (ne, 12 nn, 6 nn), none of points."""
         rows = self._directors
-        return [None if r is None else null_space_blocks(y.take(r, axis=0)) for r in rows]
+        return [None if r is None else null_space_blocks(y.take(r, 0)) for r in rows]
 
     def _project(self, blocks: Sequence[Blocks], y1: Array) -> list[Array]:
         """Blocks by coordinates -> by twists, ``P_int(y_c)^T K P_int(y_1)``."""
         P_right = self._null_spaces(y1)
         if self._P_left is None:
             self._P_left = self._null_spaces(self._left.y)
-        P_left = self._P_left
         out = []
-        for block, left, right in zip(blocks, P_left, P_right, strict=True):
+        for block, left, right in zip(blocks, self._P_left, P_right, strict=True):
             if left is None or right is None:
                 K = block.blocks() if isinstance(block, Parts) else block
             elif isinstance(block, Parts):
@@ -504,7 +510,8 @@ class BoundNullSpace(BoundTreatment):
 
     def matrix(self, blocks: Sequence[Blocks], R: Array, y1: Array, scaled: bool = True) -> Floats:
         """Entries of the iteration matrix, as solved (rows and columns scaled), or unscaled."""
-        kin, tree = self.kin, self.kin.recursion
+        kin = self.kin
+        tree = self.kin.recursion
         count = len(self.system.groups)
         pairs = [np.asarray(block) for block in blocks[count:]]
         if self._turning:
@@ -544,7 +551,8 @@ class BoundNullSpace(BoundTreatment):
         self._add(self._by_tree(coordinates), self.gap_scale * multipliers)
 
     def _size(self, increment: Array) -> tuple[float, float]:
-        d, rotating = abs(increment), self.nodal.rotating
+        d = abs(increment)
+        rotating = self.nodal.rotating
         turn = float(d[rotating].max(initial=0.0))
         return max(float(np.delete(d, rotating).max(initial=0.0)) / self.system.length, turn), turn
 

@@ -36,11 +36,12 @@ class SaddlePoint:
     Regular although the mass matrix of beams is singular on d3.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System):
         self.system = system
         n, m, g = system.n, system.m, system.constraints
         mass = full_mass(system).tocoo()
-        gi, gj = g.rows[g.inside], g.cols[g.inside]
+        gi = g.rows[g.inside]
+        gj = g.cols[g.inside]
         self._loops = system.closure.rows
         ends = n + self._loops
         self._pattern = FrozenPattern(
@@ -49,7 +50,8 @@ class SaddlePoint:
             (n + m, n + m),
         )
         self._solver = LinearSolver(self._pattern)
-        self._mass, self._scale = mass.data, float(abs(mass.data).max())
+        self._mass = mass.data
+        self._scale = float(abs(mass.data).max())
         self._rows = gi
 
     def __call__(self, y: Floats, p: Floats, rate: Floats) -> tuple[Floats, Floats]:
@@ -57,7 +59,7 @@ class SaddlePoint:
         n = self.system.n
         G = self._scale * self.system.constraints.jacobian_values(y)
         rhs = np.concatenate([p, self._scale * rate])
-        out = np.zeros(self.system.m, dtype=bool)
+        out = np.zeros(self.system.m, bool)
         out[dependent_rows(self.system, y)] = True
         if out.any():
             G[out[self._rows]] = 0
@@ -96,16 +98,14 @@ def nearest_velocity(system: System, y: Floats, p: Floats, t: float | None) -> F
 
     ``M v = p - G(y)^T mu``, ``G(y) v + g_t = 0`` at y (total, 3), for None ``G(y) v = 0``.
     """
-    rate, found = hidden_rate(system, y, t), None
-    if is_lattice(system):
-        found = _velocity_of_lattice(system, y, p, rate)
+    rate = hidden_rate(system, y, t)
+    found = _velocity_of_lattice(system, y, p, rate) if is_lattice(system) else None
     return saddle_point(system)(y, p, rate)[0] if found is None else found
 
 
 def nearest_momentum(system: System, y: Floats, p: Floats, t: float | None) -> Floats:
     """``Q p = M v`` (n,) of the :func:`nearest_velocity`."""
-    v = nearest_velocity(system, y, p, t)
-    return (system.mass @ v.reshape(-1, 3)).reshape(-1)
+    return (system.mass @ nearest_velocity(system, y, p, t).reshape(-1, 3)).reshape(-1)
 
 
 def balancing(system: System, y: Floats, force: Floats) -> Floats:
@@ -197,8 +197,7 @@ def accelerations(
     velocity = v.reshape(-1, 3)
     rates, curved = _ground_rates(system, t)
     ydot = np.concatenate([velocity, rates])
-    at = amplitudes_at(system, t)
-    force = -balance(system, y, at, turns=turns, ydot=ydot, viscous=viscous).R
+    force = -balance(system, y, amplitudes_at(system, t), turns=turns, ydot=ydot, viscous=viscous).R
     # constraints are cubic in y at most: this second difference is exact but for rounding
     size = float(abs(ydot).max(initial=0.0))
     bend = np.zeros(system.m)

@@ -17,6 +17,7 @@ from ..kernels import BeamElements, beam_energy, beam_stress, product
 from ..model import System, takes_scene
 from ..model.groups import BeamGroup
 from ..model.theories import theory_of
+from ..pattern import dense_blocks
 from ..strain import strain_factors, strain_measures
 from ..types import ArrayLike, Floats, IndexArray, switch
 from .stacked import as_stack, as_times, of_states, step_size
@@ -42,16 +43,15 @@ def mass_solver(system: System) -> Callable[[Floats], Floats]:
     mass = system.mass.tocsc()
     massive = mass.diagonal() > 0
     label = connected_components(mass, directed=False)[1]
-    members, present = np.bincount(label)[label], np.bincount(label, massive)[label] > 0
+    members = np.bincount(label)[label]
+    present = np.bincount(label, massive)[label] > 0
     large = np.flatnonzero(massive & (members > 8))
     factor = splu(mass[large][:, large]) if len(large) else None
     blocks = []
     for r in np.unique(members[present & (members <= 8)]).tolist():
         own = np.flatnonzero(present & (members == r))
         rows = own[np.argsort(label[own], kind="stable")].reshape(-1, r)
-        i, j = np.broadcast_arrays(rows[:, :, None], rows[:, None])
-        block = np.asarray(mass[i.ravel(), j.ravel()]).reshape(i.shape)
-        blocks.append((rows, np.linalg.pinv(block, hermitian=True)))
+        blocks.append((rows, np.linalg.pinv(dense_blocks(mass, rows), hermitian=True)))
 
     def solve(rhs: Floats) -> Floats:
         out = np.zeros_like(rhs)
@@ -98,8 +98,7 @@ def kinetic_energy(system: System, p: ArrayLike) -> Floats:
 
     def energies(some: Floats) -> Floats:
         rows = in_rows(system, some)
-        products = (rows * solve(rows)).sum(0)
-        return 0.5 * products.reshape(-1, 3).sum(1)
+        return 0.5 * (rows * solve(rows)).sum(0).reshape(-1, 3).sum(1)
 
     return _in_parts(energies, system.n, np.asarray(p))
 
@@ -220,7 +219,8 @@ def strain_energy(
     1.0
     """
     Q = np.asarray(q)
-    factors, out = load_factors(system, t, amplitudes, len(Q)), np.zeros(len(Q))
+    factors = load_factors(system, t, amplitudes, len(Q))
+    out = np.zeros(len(Q))
     for group in system.beam_groups:
         out += group_energy(group, Q, system.loading.strains(group, factors))
     return out
@@ -236,7 +236,8 @@ def group_energy(group: BeamGroup, Q: Floats, free: Floats) -> Floats:
 
     `free`: strains without stress (N, ne, ng, 6).
     """
-    e, rows = group.elements, group.rows
+    e = group.elements
+    rows = group.rows
 
     return _in_parts(
         lambda some, less: stored_energy(e, _strains(e, rows, some) - less), 3 * rows.size, Q, free
@@ -259,9 +260,8 @@ def strain_excess(
 
 def recorded_factors(system: System, history: History) -> Floats:
     """Factors (N, k) of loads at the states of a run, or a path, as far as strains need them."""
-    given = history.series.get("amplitudes/loads")
     times = history.instants if system.loading.strained else 0.0
-    return load_factors(system, times, given, len(history))
+    return load_factors(system, times, history.series.get("amplitudes/loads"), len(history))
 
 
 def load_factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, count: int) -> Floats:
@@ -272,9 +272,8 @@ def load_factors(system: System, t: ArrayLike, amplitudes: ArrayLike | None, cou
         # a pulse that is over, most of the time
         times = np.minimum(as_times(t, count), max(loading.constant_after, 0.0))
         some, which = np.unique(times, return_inverse=True)
-        each = [loading.values(s) for s in some.tolist()]
-        return np.reshape(each, (len(some), channels))[which]
-    given = np.asarray(amplitudes, dtype=float)
+        return np.reshape([loading.values(s) for s in some.tolist()], (len(some), channels))[which]
+    given = np.asarray(amplitudes, float)
     if given.shape not in ((channels,), (count, channels)):
         raise InputError(
             "argument amplitudes",
@@ -294,7 +293,8 @@ def group_stretches(group: BeamGroup, Q: Floats) -> Floats:
 
     Of configurations (N, n).
     """
-    e, rows = group.elements, group.rows
+    e = group.elements
+    rows = group.rows
     axial = _in_parts(lambda some: _strains(e, rows, some, which=[2]), 3 * rows.size, Q)
     return axial[..., 0] + e.reference[..., 2]
 
@@ -335,7 +335,8 @@ def midpoint_energy(system: System, q: ArrayLike, step: float, mean: bool) -> Fl
     [1.0, 4.0]
     """
     Q, _ = as_stack(system, "q", q)
-    h, mean = step_size(step), switch("argument mean", mean)
+    h = step_size(step)
+    mean = switch("argument mean", mean)
     kinetic = kinetic_energy_of_velocity(system, np.diff(Q, axis=0) / h)
     if mean:
         stored = strain_energy(system, Q)
@@ -532,7 +533,7 @@ def held_forces(
     if theory is None:
         return 0.0
     shape = count, system.m
-    found = np.full(shape, np.nan) if multipliers is None else np.asarray(multipliers, dtype=float)
+    found = np.full(shape, np.nan) if multipliers is None else np.asarray(multipliers, float)
     if found.shape not in (shape, (system.m,)):
         raise InputError("argument multipliers", f"has shape {found.shape}, expected {shape}")
     return theory.stress(np.broadcast_to(found, shape))

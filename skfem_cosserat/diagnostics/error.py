@@ -92,7 +92,8 @@ def transfer(
             raise InputError(
                 item.label, f"is not in the system before: it has {sorted(map(str, known))}"
             )
-        own, count = target.first[id(item)][1], _rows(item)
+        own = target.first[id(item)][1]
+        count = _rows(item)
         row = source.first[id(other)][1]
         part = slice(row, row + _rows(other))
         if is_beam(item) and is_beam(other):
@@ -115,13 +116,14 @@ def new_rows(source: System, target: System) -> IndexArray:
         If the meshes of a beam do not divide the same lines.
     """
     known = {beam.name: beam for beam in source.beams}
-    out = [np.zeros((0, 4), dtype=np.int64)]
+    out = [np.zeros((0, 4), np.int64)]
     for beam in target.beams:
-        other, basis = known[beam.name], beam.basis
+        other = known[beam.name]
+        basis = beam.basis
         from ..mesh.divide import places_in
 
         e, x = places_in(other.mesh, beam.mesh, basis.interpolation.nodes)
-        met = np.zeros(basis.n_nodes, dtype=bool)
+        met = np.zeros(basis.n_nodes, bool)
         met[basis.connectivity] = _met(other, e, x)[0]
         out.append(target.first[id(beam)][1] + 4 * np.flatnonzero(~met)[:, None] + np.arange(4))
     return np.concatenate(out)
@@ -146,15 +148,13 @@ def _beam(source: Beam, target: Beam, y: Floats, ydot: Floats) -> tuple[Floats, 
         places.at_points(a).reshape(len(a), *x.shape, 4, 3)
         for a in (y, ydot, source.reference.reshape(1, -1, 3))
     )
-    turn, spin = (
-        nearest_rotations(np.swapaxes(now[..., 1:, :], -1, -2) @ start[..., 1:, :]),
-        spins(now, rate),
-    )
+    turn = nearest_rotations(now[..., 1:, :].swapaxes(-1, -2) @ start[..., 1:, :])
+    spin = spins(now, rate)
     own = target.reference.reshape(-1, 4, 3)[nodes]
     moved, moving = _moved(now, rate, start, turn, spin, own)
     reference, (met, node) = source.reference.reshape(1, -1, 4, 3), _met(source, e, x)
     k = node[met]  # a node of both keeps its numbers
-    same = (abs(own[met] - reference[0, k]).max(axis=(1, 2)) <= SAME)[:, None, None]
+    same = (abs(own[met] - reference[0, k]).max((1, 2)) <= SAME)[:, None, None]
     moved[:, met] = np.where(same, q[:, k], moved[:, met])
     moving[:, met] = np.where(same, v[:, k], moving[:, met])
     shape = (len(q), len(target.basis.nodes), 4, 3)
@@ -166,18 +166,19 @@ def _beam(source: Beam, target: Beam, y: Floats, ydot: Floats) -> tuple[Floats, 
 
 def spins(now: Floats, rate: Floats) -> Floats:
     """Angular velocities (..., 3) that come nearest to the rates of directors."""
-    d, ddot = now[..., 1:, :], rate[..., 1:, :]
-    squares = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3)
-    inertia = squares - np.swapaxes(d, -1, -2) @ d
-    return np.linalg.solve(inertia, np.cross(d, ddot).sum(axis=-2)[..., None])[..., 0]
+    d = now[..., 1:, :]
+    ddot = rate[..., 1:, :]
+    inertia = (d * d).sum(axis=(-2, -1))[..., None, None] * np.eye(3) - d.swapaxes(-1, -2) @ d
+    return np.linalg.solve(inertia, np.cross(d, ddot).sum(-2)[..., None])[..., 0]
 
 
 def _moved(
     now: Floats, rate: Floats, start: Floats, turn: Floats, spin: Floats, own: Floats
 ) -> tuple[Floats, Floats]:
     """Frames (..., 4, 3) with a reference of their own that are rigid with places, their rates."""
-    back = np.swapaxes(turn, -1, -2)
-    frames, rates = np.empty_like(now), np.empty_like(rate)
+    back = turn.swapaxes(-1, -2)
+    frames = np.empty_like(now)
+    rates = np.empty_like(rate)
     arm = (own[..., None, 0, :] - start[..., None, 0, :]) @ back
     frames[..., 0, :] = now[..., 0, :] + arm[..., 0, :]
     frames[..., 1:, :] = own[..., 1:, :] @ back
@@ -189,9 +190,9 @@ def _moved(
 def _met(beam: Beam, e: np.ndarray, x: Floats) -> tuple[np.ndarray, np.ndarray]:
     """True for places that are at a node of a beam, and the nearest node of each place."""
     gaps = abs(x[..., None] - beam.basis.interpolation.nodes)
-    nearest = gaps.argmin(axis=-1)
+    nearest = gaps.argmin(-1)
     node = np.take_along_axis(beam.basis.connectivity[e], nearest[..., None], axis=-1)[..., 0]
-    return gaps.min(axis=-1) <= TOLERANCE, node
+    return gaps.min(-1) <= TOLERANCE, node
 
 
 # -- beams at any point inside their elements: place, triad, strains and resultants ----------------
@@ -360,14 +361,14 @@ class SectionPlaces:
         As for :func:`evaluate`.
     """
 
-    def __init__(self, beam: Beam, elements: ArrayLike, xi: ArrayLike) -> None:
+    def __init__(self, beam: Beam, elements: ArrayLike, xi: ArrayLike):
         self.beam = beam
         self._e, self._x = e, x = _places(beam, elements, xi)
         lengths = beam.elements.lengths[e][:, None]
         self._shapes = beam.basis.shape(x).T, beam.basis.dshape(x).T / lengths
-        self._turned, self._sections = beam.rotations[e], beam.section_points(e, x[:, None])
-        own = 4 * beam.basis.connectivity[e][:, :, None] + np.arange(4)
-        self._own = own.reshape(len(e), -1)
+        self._turned = beam.rotations[e]
+        self._sections = beam.section_points(e, x[:, None])
+        self._own = (4 * beam.basis.connectivity[e][:, :, None] + np.arange(4)).reshape(len(e), -1)
         self._reference = self._at(beam.reference.reshape(1, -1, 3)[:, self._own])[1]
         free = np.zeros((len(e), 1, 6)) + beam.strains_at(e, x[:, None])
         self._reference = self._reference + free[:, 0]
@@ -394,16 +395,17 @@ class SectionPlaces:
     ) -> SectionValues:
         """Positions, triads, strains and resultants at the places, see :func:`evaluate`."""
         Q = np.reshape(q, (-1, system.rows, 3))
-        beam, group = self.beam, group_of(system, self.beam)
-        rows = group.rows[group.slices[id(beam)]][self._e]
-        value, strain = self._at(Q[:, rows])
+        beam = self.beam
+        group = group_of(system, self.beam)
+        value, strain = self._at(Q[:, group.rows[group.slices[id(beam)]][self._e]])
         strain = strain - self._reference
         triad = value[:, :, 1:]
         if switch("argument orthonormal", orthonormal):
             triad = nearest_rotations(triad)
         from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
 
-        weights, elastic = lagrange(beam.elements.points, self._x), strain
+        weights = lagrange(beam.elements.points, self._x)
+        elastic = strain
         if factors is not None:
             free = free_strains(system, beam, factors)[:, self._e]
             elastic = strain - np.einsum("gm,kmgi->kmi", weights, free)
@@ -421,7 +423,8 @@ class SectionPlaces:
         beam, (t, amplitudes, *_) = self.beam, motion
         (found,) = element_balances(system, [beam], q, *motion, viscous=False)
         factors = load_factors(system, t, amplitudes, len(found.force))
-        strains, free = section_strains(system, beam, q), free_strains(system, beam, factors)
+        strains = section_strains(system, beam, q)
+        free = free_strains(system, beam, factors)
         return part_resultants(beam, self._e, self._x, found, strains, free)
 
 

@@ -105,7 +105,7 @@ def _at_ends(beam: Beam, found: Balances) -> Floats:
     nodal, _, force = found
     turned = beam.rotations @ nodal[..., 1:, :]
     ends = (components(turned[:, :, k], *_passed_on(force, nodal, k)) for k in (0, -1))
-    return np.stack([*ends], axis=2)
+    return np.stack([*ends], 2)
 
 
 @takes_scene
@@ -140,7 +140,7 @@ def end_forces(system: System, history: History) -> dict[str, tuple[Floats, Floa
     >>> (forces[-1, 0, :, 2].round(6) + 0).tolist(), float(strains[-1, 0, 0, 2].round(9))
     ([20.0, 0.0], 2e-05)
     """
-    out: dict[str, tuple[Floats, Floats]] = {}
+    out = {}
     if "increment" in history:  # a mode is linear in its motion, of which a small one is taken
         one, two = (end_forces(system, _shrunk(history, size)) for size in (-SMALL, SMALL))
         for name, both in one.items():
@@ -148,13 +148,15 @@ def end_forces(system: System, history: History) -> dict[str, tuple[Floats, Floa
             force, strain = ((a + b) / 2 + (b - a) / (2 * SMALL) for a, b in pairs)
             out[name] = force, strain
         return out
-    q, motion = history["q"], motion_of(system, history)
+    q = history["q"]
+    motion = motion_of(system, history)
     factors = load_factors(system, motion[0], motion[1], len(history))
     for group in system.beam_groups:
         beams = [beam for beam in system.beams if id(beam) in group.slices]
         balances = element_balances(system, beams, q, *motion, viscous=False)
         for beam, found in zip(beams, balances, strict=True):
-            forces, free = _at_ends(beam, found), free_strains(system, beam, factors)
+            forces = _at_ends(beam, found)
+            free = free_strains(system, beam, factors)
             strains = _strains_under(beam, section_strains(system, beam, q), free, forces)
             out[str(beam.name)] = forces, strains
     return out
@@ -176,7 +178,8 @@ def motion_of(system: System, history: History) -> tuple[Any, ...]:
     """
     q = history["q"]
     if "amplitudes/loads" not in history:
-        v, t = history["v"], history.times
+        v = history["v"]
+        t = history.times
         return t, None, v, *accelerations(system, q, v, t, history.series.get("turns"))
     a = np.array(history["acceleration"]) if "acceleration" in history else np.zeros_like(q)
     for row, y, v, spin in zip(a, q, history["v"], history["amplitudes/spin"], strict=True):
@@ -202,7 +205,7 @@ def _strains_under(beam: Beam, strains: Floats, free: Floats, forces: Floats) ->
     for _ in range(4 if sections.laws else 1):
         gap = forces - beam_stress(sections, elastic)
         elastic += _strained(section_moduli(sections, elastic), gap, held)
-    return np.asarray(elastic + unloaded)
+    return elastic + unloaded
 
 
 def _strained(moduli: Array, gap: Array, held: list[int]) -> Array:
@@ -249,7 +252,8 @@ def element_balances(
 
     With or without the viscous forces of sections.
     """
-    group, Q = group_of(system, beams[0]), np.reshape(q, (-1, system.rows, 3))
+    group = group_of(system, beams[0])
+    Q = np.reshape(q, (-1, system.rows, 3))
     factors = load_factors(system, t, amplitudes, len(Q))
     free = system.loading.strains(group, factors)
     rates = [None if rate is None else np.reshape(rate, Q.shape) for rate in (v, a)]
@@ -272,7 +276,8 @@ def element_balances(
 
 def _passed_on(F: Array, nodal: Array, end: int) -> tuple[Array, Array]:
     """Force and moment (..., 3) in space on the face at the end 0 or -1 of elements."""
-    sign, f = (1.0 if end else -1.0), F[..., end, :, :]
+    sign = 1.0 if end else -1.0
+    f = F[..., end, :, :]
     return sign * f[..., 0, :], sign * cross(nodal[..., end, 1:, :], f[..., 1:, :]).sum(-2)
 
 
@@ -287,7 +292,8 @@ def spread_over(
     """Consistent nodal forces of line loads and gravity, less those of inertia and drag."""
     group = group_of(system, beam)
     own = group.slices[id(beam)]
-    rows, mass = group.rows[own], group.mass[own]
+    rows = group.rows[own]
+    mass = group.mass[own]
     nodal = y[rows].reshape(len(rows), -1, 4, 3)
     out = np.zeros_like(nodal)
     for term, factor in zip(system.loading.terms, factors, strict=True):
@@ -344,15 +350,16 @@ class Statics:
 
     def __init__(
         self, force: Array, nodal: Array, end: int, density: Array, at: Array, over: Floats
-    ) -> None:
+    ):
         n, self._m = (each[..., None, :] for each in _passed_on(force, nodal, end))
-        self.n, self._over = n - over @ density[..., 0, :], over
+        self.n = n - over @ density[..., 0, :]
+        self._over = over
         self._couple = cross(at[..., 1:, :], density[..., 1:, :]).sum(-2)
 
     def moment(self, slope: Array) -> Array:
         """(..., l, 3) in space, for a line of this slope (..., k, 3)."""
         turned = cross(slope, self.n[..., : slope.shape[-2], :])
-        return np.asarray(self._m - self._over @ (turned + self._couple))
+        return self._m - self._over @ (turned + self._couple)
 
 
 def integrals(places: Floats, to: Floats) -> Floats:
@@ -367,20 +374,25 @@ def _from_end(
     """Components (N, m, 6) at points, by the parts of elements from an end, 0 or -1, to these."""
     from ..element import lagrange  # imports scikit-fem, which rigid bodies do without
 
-    elements, kind = beam.elements.taken(e), beam.basis.interpolation
-    start, places = (1.0 if end else 0.0), kind.full.points
+    elements = beam.elements.taken(e)
+    kind = beam.basis.interpolation
+    start = 1.0 if end else 0.0
+    places = kind.full.points
     to = np.append(places, 1.0)
-    u, length = start + np.outer(x - start, to), elements.lengths
+    u = start + np.outer(x - start, to)
+    length = elements.lengths
     over = ((x - start) * length)[:, None, None] * integrals(places, to)
     nodal, spread, force = (each[:, e] for each in found)
     density = np.linalg.solve(
         beam.basis.elemental_mass()[e], spread.reshape(*spread.shape[:3], -1)
     ).reshape(spread.shape)
-    shape, inner = beam.basis.shape(u), u[:, :-1]
+    shape = beam.basis.shape(u)
+    inner = u[:, :-1]
     f, at = (np.einsum("amk,nmaic->nmkic", shape[..., :-1], each) for each in (density, nodal))
     statics = Statics(force, nodal, end, f, at, over)
     section = beam.rotations[e] @ nodal[..., 1:, :]
-    first, d = section[:, :, None, end], np.einsum("amk,nmaic->nmkic", shape, section)
+    first = section[:, :, None, end]
+    d = np.einsum("amk,nmaic->nmkic", shape, section)
     slopes = beam.basis.dshape(inner) / length[:, None]
     m = statics.moment(np.einsum("amk,nmac->nmkc", slopes, nodal[..., 0, :]))
     weights = lagrange(elements.points, inner)
@@ -390,7 +402,8 @@ def _from_end(
     )
     elastic = strain - unloaded
     sections = beam.section_points(e, inner)
-    stress, moduli = beam_stress(sections, elastic), section_moduli(sections, elastic)
+    stress = beam_stress(sections, elastic)
+    moduli = section_moduli(sections, elastic)
     held = list(beam.theory.held)
     for _ in range(kind.order):
         own = d[:, :, :-1]
@@ -405,7 +418,7 @@ def _from_end(
 
 def components(d: Array, n: Array, m: Array) -> Array:
     """Force and moment (..., 3) in space by components (..., 6) along directors (..., 3, 3)."""
-    return (np.stack([n, m], axis=-2) @ np.swapaxes(d, -1, -2)).reshape(*n.shape[:-1], 6)
+    return (np.stack([n, m], -2) @ d.swapaxes(-1, -2)).reshape(*n.shape[:-1], 6)
 
 
 @takes_scene
@@ -458,7 +471,8 @@ def accelerations(
     """
     Q, V, times = np.asarray(q), np.asarray(v), np.asarray(t).tolist()
     counted = [None] * len(Q) if turns is None else np.atleast_2d(np.asarray(turns))
-    a, lam = np.empty_like(Q), np.empty((len(Q), system.m))
+    a = np.empty_like(Q)
+    lam = np.empty((len(Q), system.m))
     for k, (s, turned) in enumerate(zip(times, counted, strict=True)):
         a[k], lam[k] = by_motion(system, Q[k], V[k], s, turned, viscous=False)
     return a, lam
@@ -538,11 +552,12 @@ def multipliers(system: System, y: Floats, force: Floats) -> Floats:
     >>> multipliers(model.freeze(), y[None], np.array([[0.0, 0, -20.0]])).tolist()
     [[20.0]]
     """
-    y, force = as_array("y", y, None, system.total, 3), as_array("force", force, None, system.n)
+    y = as_array("y", y, None, system.total, 3)
+    force = as_array("force", force, None, system.n)
     if len(y) != len(force):
         raise InputError("argument force", f"is of {len(force)} states, y of {len(y)}")
     out = np.full((len(y), system.m), np.nan)
-    for k in np.flatnonzero(np.isfinite(force).all(axis=1)) if system.m else ():
+    for k in np.flatnonzero(np.isfinite(force).all(1)) if system.m else ():
         with suppress(SingularMatrixError):  # stays NaN
             out[k] = balancing(system, y[k], force[k])
     return out
@@ -589,7 +604,8 @@ def reactions(system: System, y: Floats, lam: Floats) -> dict[str, tuple[Floats,
     >>> (force + 0.0).tolist()
     [[0.0, 0.0, 20.0]]
     """
-    y, lam = as_array("y", y, None, system.total, 3), as_array("lam", lam, None, system.m)
+    y = as_array("y", y, None, system.total, 3)
+    lam = as_array("lam", lam, None, system.m)
     return {jr.joint.name or "": _wrenches(system, jr, y, lam) for jr in system.joint_rows}
 
 
@@ -601,7 +617,8 @@ def _wrenches(system: System, jr: JointRows, y: Floats, lam: Floats) -> tuple[Fl
     """
     on_b = jr.b.vertex < len(system.origin_rows)
     vertex, sign = (jr.b.vertex, 1.0) if on_b else (jr.a.vertex, -1.0)
-    b, r = int(system.vertex_rows[jr.b.vertex]), int(system.vertex_rows[vertex])
+    b = int(system.vertex_rows[jr.b.vertex])
+    r = int(system.vertex_rows[vertex])
     rows = 4 if system.is_frame[vertex] else 1
     constraints = system.constraints
     own = (constraints.rows >= jr.rows.start) & (constraints.rows < jr.rows.stop)
@@ -611,7 +628,7 @@ def _wrenches(system: System, jr: JointRows, y: Floats, lam: Floats) -> tuple[Fl
     place = constraints.cols[which] - 3 * r == np.arange(3 * rows)[:, None]
     f = -sign * (parts @ place.T).reshape(len(y), rows, 3)
     x = y[:, b] + sum(X * y[:, b + i + 1] for i, X in enumerate(jr.b.offset) if X != 0)
-    arms = np.concatenate([(y[:, r] - x)[:, None], y[:, r + 1 : r + rows]], axis=1)
+    arms = np.concatenate([(y[:, r] - x)[:, None], y[:, r + 1 : r + rows]], 1)
     return f[:, 0], np.cross(arms, f).sum(1)
 
 

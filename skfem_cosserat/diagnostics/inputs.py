@@ -179,7 +179,8 @@ def _missed(entering: _Input, ends: Floats) -> float:
     inside = max(INSIDE, LOOKS // len(steps))
     width = np.repeat(np.diff(ends)[steps] / inside, inside)
     t = np.repeat(ends[steps], inside) + width * np.tile(np.arange(inside) + 0.5, len(steps))
-    f, farthest = values(t), 0.0
+    f = values(t)
+    farthest = 0.0
     if entering.average is not None:
         means = [entering.average(*ends[k : k + 2]) for k in steps]
         missed = width @ abs(f[:, 0]) - np.diff(ends)[steps] @ np.abs(means)
@@ -264,7 +265,7 @@ def _jumps(
     """Times, to a width (s), at which a component of a function jumps."""
     at = cache(function)
     values = np.array([at(t) for t in times.tolist()])
-    least = np.maximum(SMALL * np.ptp(values, axis=0), 1e-12 * abs(values).max(axis=0))
+    least = np.maximum(SMALL * np.ptp(values, axis=0), 1e-12 * abs(values).max(0))
     least = np.maximum(least, rounding or 1e-200)
 
     def bend(a: float, b: float) -> float:
@@ -285,7 +286,7 @@ def at_jumps(system: System, history: History) -> Floats:
     reach[:1] *= 3 if history["fresh"][0] else 2
     reach[-1:] *= 2
     apart = abs(history.times[:, None] - jumps(system, history))
-    return (apart <= reach[:, None]).any(axis=1).astype(float)
+    return (apart <= reach[:, None]).any(1).astype(float)
 
 
 def _step(history: History) -> float:

@@ -20,7 +20,7 @@ class Reading:
         If there is no such coordinate.
     """
 
-    def __init__(self, system: System, joint: Joint, name: str | None) -> None:
+    def __init__(self, system: System, joint: Joint, name: str | None):
         self.coordinate = joint.coordinate(name)
         self.kind = kind_of((self.coordinate,))
         self._invariants = Invariants([self.coordinate.forms], system.row_of)
@@ -39,7 +39,8 @@ class Reading:
 
     def gradient(self, y: Floats) -> Floats:
         """Derivatives (total, 3) of one component by all rows y (total, 3)."""
-        slope, out = self.kind.slope(self._invariants.values(y))[0, 0], np.zeros_like(y)
+        slope = self.kind.slope(self._invariants.values(y))[0, 0]
+        out = np.zeros_like(y)
         by_row = np.tensordot(slope, self._invariants.gradients(y)[0], 1)
         np.add.at(out, self._invariants.rows[0], by_row)
         return out
@@ -77,7 +78,7 @@ def _coordinates(
                 xi = xi + kind.period * followed
             else:
                 near = _expected(system, joint, coordinate.name, xi[:, 0], rate[:, 0], times)
-                xi = xi + kind.period * np.round((near[:, None] - xi) / kind.period)
+                xi = xi + kind.period * ((near[:, None] - xi) / kind.period).round()
         out += [each[:, 0] if coordinate.size == 1 else each for each in (xi, rate)]
     return out
 
@@ -93,8 +94,8 @@ def _expected(
     steady = np.where(np.isfinite(steady), steady, 0.0)
     turn = 2 * np.pi
     moved = np.diff(xi)
-    moved += turn * np.round((steady - moved) / turn)
-    return xi[0] + np.concatenate([[0.0], np.cumsum(moved)])
+    moved += turn * ((steady - moved) / turn).round()
+    return xi[0] + np.concatenate([[0.0], moved.cumsum()])
 
 
 def _turns(system: System, joint: Joint, name: str, turns: ArrayLike | None) -> IndexArray | None:
@@ -166,7 +167,8 @@ def relative_series(
     system: System, q: Floats, v: Floats, t: Floats, turns: ArrayLike | None
 ) -> dict[str, Floats]:
     """All relative coordinates, and forces of force elements, as a history names them."""
-    y, ydot = all_rows(system, q, t), rates(system, v, t)
+    y = all_rows(system, q, t)
+    ydot = rates(system, v, t)
     out = [
         each for joint in system.joints for each in _coordinates(system, joint, y, ydot, t, turns)
     ]

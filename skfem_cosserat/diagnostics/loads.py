@@ -18,7 +18,7 @@ from .stacked import all_rows, at_place, rates
 
 def acting(system: System) -> list[Load | Force]:
     """Loads that have places, unlike gravity, and forces there, unlike strains."""
-    out: list[Load | Force] = []
+    out = []
     for load in system.loads:
         lines = [each for each in load.made_of if isinstance(each, TermLine)]
         if load.places() or any(not isinstance(each, TermStrain) for each in lines):
@@ -42,7 +42,7 @@ def load_wrenches(system: System, load: Load | Force, history: History) -> list[
     if isinstance(load, Force):
         return _of_own_law(system, load, history, y)
     found = list(_of_channels(system, load, history, y))
-    return [np.concatenate(each, axis=1) for each in zip(*found, strict=True)]
+    return [np.concatenate(each, 1) for each in zip(*found, strict=True)]
 
 
 def _of_own_law(system: System, load: Force, history: History, y: Floats) -> list[Floats]:
@@ -51,7 +51,7 @@ def _of_own_law(system: System, load: Force, history: History, y: Floats) -> lis
     speeds = rates(system, history["v"], history.instants)
     found = system.couplings_of(own).forces(y, speeds, None, history.instants)
     pairs = ((x, -force) for _, x, force in found)
-    x, force = (np.concatenate(each, axis=1) for each in zip(*pairs, strict=True))
+    x, force = (np.concatenate(each, 1) for each in zip(*pairs, strict=True))
     x, force = (each.reshape(len(y), -1, 3)[:, load.shown] for each in (x, force))
     return [x, force, np.zeros_like(force)]
 
@@ -60,8 +60,7 @@ def _of_channels(
     system: System, load: Load, history: History, y: Floats
 ) -> Iterator[tuple[Floats, Floats, Floats]]:
     """Places, forces and moments of the terms whose vectors are constant but for a factor."""
-    given = history.series.get("amplitudes/loads")
-    factors = load_factors(system, history.instants, given, len(y))
+    factors = load_factors(system, history.instants, history.series.get("amplitudes/loads"), len(y))
     loading = system.loading
     for k, (owner, term) in enumerate(zip(loading.owners, loading.terms, strict=True)):
         if owner is load and (found := _place_and_vector(system, term, y)) is not None:
@@ -74,7 +73,8 @@ def _of_channels(
 def _place_and_vector(system: System, term: Term, y: Floats) -> tuple[Floats, Floats] | None:
     """Places (N, k, 3) and vectors of a term for a factor of one; None: it acts at no places."""
     if isinstance(term, TermForce):
-        place, value = at_place(system, y, term.place)[:, None], term.value
+        place = at_place(system, y, term.place)[:, None]
+        value = term.value
         if term.follower:
             at = system.row_of(term.place)
             return place, (value @ y[:, at + 1 : at + 4])[:, None]

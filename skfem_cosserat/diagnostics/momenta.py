@@ -99,10 +99,12 @@ def legendre_transforms(system: System, history: History) -> tuple[Floats, Float
             " every=1",
         )
     q, _ = as_stack(system, "history", history["q"])
-    times, h = history.times, float(history.meta["step"])
+    times = history.times
+    h = float(history.meta["step"])
     half = 0.5 * h * history["constraint_force"]  # with a given momentum not that of the equations
     half[-1:] = np.nan
-    minus, plus = np.full_like(q, np.nan), np.full_like(q, np.nan)
+    minus = np.full_like(q, np.nan)
+    plus = np.full_like(q, np.nan)
     if len(q) and not history["fresh"][0]:
         plus[0] = history["carried"][0]
     turns = np.asarray(history["turns"]) if "turns" in history else None
@@ -166,7 +168,7 @@ def angular_momentum(
     rows = system.mass.diagonal() > 0 if massive_only else slice(None)
     Q, P = (np.reshape(each, (-1, system.rows, 3))[:, rows] for each in (q, p))
     both = Q.transpose(0, 2, 1) @ P  # sums of q_i p_j first: fewer numbers to cross
-    return np.stack([both[:, i, j] - both[:, j, i] for i, j in ((1, 2), (2, 0), (0, 1))], axis=1)
+    return np.stack([both[:, i, j] - both[:, j, i] for i, j in ((1, 2), (2, 0), (0, 1))], 1)
 
 
 @takes_scene
@@ -276,8 +278,7 @@ def constraint_violation(system: System, q: ArrayLike, t: ArrayLike = 0.0) -> Fl
     >>> constraint_violation(model.freeze(), [[0, 0, -1.0], [0, 0, -2.0]]).tolist()
     [0.0, 1.5]
     """
-    y = all_rows(system, q, t)
-    return abs(system.constraints.stacked_values(y)).max(axis=1, initial=0.0)
+    return abs(system.constraints.stacked_values(all_rows(system, q, t))).max(1, initial=0.0)
 
 
 @takes_scene
@@ -314,7 +315,7 @@ def hidden_violation(system: System, q: ArrayLike, v: ArrayLike, t: ArrayLike = 
     3.0
     """
     found = system.constraints.stacked_values(all_rows(system, q, t), rates(system, v, t))
-    return abs(found).max(axis=1, initial=0.0)
+    return abs(found).max(1, initial=0.0)
 
 
 @takes_scene
@@ -357,7 +358,7 @@ def momentum_violation(system: System, q: ArrayLike, p: ArrayLike, t: ArrayLike 
     v = mass_solver(system)(in_rows(system, np.asarray(p))).reshape(system.rows, -1, 3)
     ydot = rates(system, v.transpose(1, 0, 2), t)
     hidden = system.constraints.stacked_values(all_rows(system, q, t), ydot)[:, kept]
-    return abs(hidden).max(axis=1, initial=0.0)
+    return abs(hidden).max(1, initial=0.0)
 
 
 @takes_scene
@@ -387,7 +388,8 @@ def ground_part(system: System, y: Floats, t: float) -> Floats:
     >>> ground_part(system, system.extend(system.q0, 0.0), 0.0)[6:].round(9).tolist()
     [-2.0, 0.0, 0.0]
     """
-    y, t = as_array("y", y, system.total, 3), real("argument t", "t", t, "a time (s)")
+    y = as_array("y", y, system.total, 3)
+    t = real("argument t", "t", t, "a time (s)")
     return -hidden_rate(system, y, t)
 
 
@@ -408,8 +410,10 @@ def _nearest(system: System, q: Floats, p: Floats, t: Floats) -> Floats:
 
 def _without_massless(system: System, q: Floats, p: Floats, t: Floats) -> Floats:
     """The saddle point without the rows and columns of directors that have no mass (116)."""
-    out, left = np.zeros_like(p), massless(system)
-    kept, rows = np.flatnonzero(~left), np.flatnonzero(~rows_touching(system, left))
+    out = np.zeros_like(p)
+    left = massless(system)
+    kept = np.flatnonzero(~left)
+    rows = np.flatnonzero(~rows_touching(system, left))
     mass = full_mass(system)[kept][:, kept]
     for v, y, given, s in zip(out, all_rows(system, q, t), p, t.tolist(), strict=True):
         G = system.constraints.jacobian(y).tocsr()[rows][:, kept]
@@ -470,10 +474,11 @@ class Projection:
     [2.0, 0.0, 0.0]
     """
 
-    def __init__(self, system: Model | System, method: ProjectionMethod = "saddle-point") -> None:
+    def __init__(self, system: Model | System, method: ProjectionMethod = "saddle-point"):
         if not isinstance(method, str) or method not in _RULES:
             raise InputError("argument method", f"{method!r}, expected one of {list(_RULES)}")
-        self.system, self.method = system_of(system), method
+        self.system = system_of(system)
+        self.method = method
         self._rule = partial(_RULES[method], self.system)
 
     def __repr__(self) -> str:
@@ -499,14 +504,15 @@ class Projection:
         Rows of p that are NaN (not known) give NaN.
         """
         v = self.velocities(q, p, t)
-        known = np.isfinite(v).all(axis=1, keepdims=True)
+        known = np.isfinite(v).all(1, keepdims=True)
         return v, np.where(known, momentum(self.system, v), np.nan)
 
     def velocities(self, q: Floats, p: Floats, t: ArrayLike) -> Floats:
         """Velocities (N, n) of :meth:`stack` alone."""
         q, _ = as_stack(self.system, "q", q)
         p, _ = as_stack(self.system, "p", p, q)
-        v, known = np.full(p.shape, np.nan), np.isfinite(p).all(axis=1)
+        v = np.full(p.shape, np.nan)
+        known = np.isfinite(p).all(1)
         some = slice(None) if known.all() else known
         v[some] = self._rule(q[some], p[some], as_times(t, len(q))[some])
         return v
@@ -602,8 +608,10 @@ def velocity_from_reduced(
     >>> velocity_from_reduced(system, system.q0, reduced).tolist()   # not along the rod
     [1.0, 2.0, 0.0]
     """
-    pi, y = np.atleast_2d(as_floats("reduced", reduced)), all_rows(system, q, t)
-    mass, out = full_mass(system), np.full((len(y), system.n), np.nan)
+    pi = np.atleast_2d(as_floats("reduced", reduced))
+    y = all_rows(system, q, t)
+    mass = full_mass(system)
+    out = np.full((len(y), system.n), np.nan)
     for k, s in enumerate(np.asarray(t)):
         P = null_space_matrix(system, y[k])
         if pi.shape != (len(y), P.shape[1]):
@@ -658,5 +666,6 @@ def prescribed_velocity(system: System, q: ArrayLike, t: float = 0.0) -> Floats:
     >>> v[:3].round(9).tolist(), (v[9:] + 0.0).round(9).tolist()   # of its middle; of d3
     ([0.75, 0.0, 0.0], [4.5, 0.0, 0.0])
     """
-    at, none = as_array("q", q, system.n), np.zeros(system.n)
+    at = as_array("q", q, system.n)
+    none = np.zeros(system.n)
     return nearest_velocity(system, system.extend(at, t), none, t) if system.moving else none

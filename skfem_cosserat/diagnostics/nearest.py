@@ -37,14 +37,15 @@ def rigid_pieces(system: System, joined: bool = False) -> tuple[IndexArray, list
 
     With `joined` those that fixed joints hold together are one piece.
     """
-    count, pairs = len(system.origin_rows), [np.zeros((0, 2), dtype=np.int64)]
+    count = len(system.origin_rows)
+    pairs = [np.zeros((0, 2), np.int64)]
     for group in system.beam_groups:
         first = np.broadcast_to(group.vertices[:, :1], group.vertices.shape)
-        pairs.append(np.stack([first, group.vertices], axis=-1).reshape(-1, 2))
+        pairs.append(np.stack([first, group.vertices], -1).reshape(-1, 2))
     fixed = [jr.joint for jr in system.joint_rows if jr.joint.type == "fixed" and joined]
     ends = [[system.spot(place).vertex for place in (joint.a, joint.b)] for joint in fixed]
     both = [pair for pair in ends if max(pair) < count]
-    a, b = np.concatenate([*pairs, np.array(both, dtype=np.int64).reshape(-1, 2)]).T
+    a, b = np.concatenate([*pairs, np.array(both, np.int64).reshape(-1, 2)]).T
     graph = coo_matrix((np.ones(len(a)), (a, b)), shape=(count, count))
     label = connected_components(graph, directed=False)[1]
     first = np.unique(label, return_index=True)[1]
@@ -55,7 +56,8 @@ def rigid_motions(
     system: System, y: Floats, label: IndexArray, count: int
 ) -> tuple[csr_matrix, Floats]:
     """Rates (n, 6 pieces) of unit translations (scene's length) and rotations about centroids."""
-    kin, x = system.kinematics, y[system.origin_rows]
+    kin = system.kinematics
+    x = y[system.origin_rows]
     centres = np.array([x[label == k].mean(0) for k in range(count)])
     rates = np.zeros((len(x), 4, 3, 6))
     rates[:, 0, :, :3] = system.length * np.eye(3)
@@ -63,10 +65,10 @@ def rigid_motions(
     rates[kin.frames, 1:, :, 3:] = -skew(y[kin.director_rows])
     own = np.arange(12) < np.where(system.is_frame[: len(x)], 12, 3)[:, None]
     rows = (3 * system.origin_rows[:, None] + np.arange(12))[own]
-    cols = np.repeat(6 * label, own.sum(1))[:, None] + np.arange(6)
+    cols = (6 * label).repeat(own.sum(1))[:, None] + np.arange(6)
     values = rates.reshape(-1, 12, 6)[own].ravel()
     shape = system.n, 6 * count
-    return csr_matrix((values, (np.repeat(rows, 6), cols.ravel())), shape=shape), centres
+    return csr_matrix((values, (rows.repeat(6), cols.ravel())), shape=shape), centres
 
 
 def motions_out_of_plane(system: System, count: int) -> csr_matrix:
@@ -104,14 +106,15 @@ def free_motion(system: System, tangent: ReducedTangent) -> tuple[str, str] | No
     modes = modes @ np.linalg.svd(modes.T @ (K @ modes))[2].T
     none = NEUTRAL * scale * (modes * (metric @ modes)).sum(0)
     none += FREE * (abs(modes) * (abs(K) @ abs(modes))).sum(0)
-    springs = blocks_matrix(system, [*system.mass_tangent(0.0), system.couplings.stiffness(y)])
+    springs = blocks_matrix(system, [*system.empty_tangent(), system.couplings.stiffness(y)])
     for X, A in ((modes, K), (P @ modes, springs)):
         none[abs((X * (A @ X)).sum(0)) > none] = -1.0
     modes = modes[:, none >= 0]
     label, names = rigid_pieces(system)
     E, centres = rigid_motions(system, y, label, len(names))
     size = diags(np.sqrt(weights(system)).repeat(3))
-    moved, weighted = size @ P @ modes, size @ E
+    moved = size @ P @ modes
+    weighted = size @ E
     gram = (weighted.T @ weighted).tocsc()  # mass points have no rotations
     gram += SAME * largest(gram.data) * identity(gram.shape[0], format="csc")
     twists = splu(gram).solve(weighted.T @ moved)
@@ -200,7 +203,8 @@ def settled(
         sizes = [largest(missing(each)[free]) for each in (tangent, after)]
         if not sizes[1] < 0.5 * sizes[0]:  # rounding, or too far from where they are at rest
             break
-        y, tangent = moved, after
+        y = moved
+        tangent = after
     return y
 
 
@@ -278,7 +282,8 @@ def _increment(system: System, y: Floats, g: Floats) -> Floats:
 
 def _metric(system: System, y: Floats) -> csr_matrix:
     """``M + tau^2 K``: a motion of the scene's extent strains it by far more than it moves it."""
-    M, K = full_mass(system), material_stiffness(system, y)
+    M = full_mass(system)
+    K = material_stiffness(system, y)
     size = float(K.diagonal().sum())
     if not size > 0:
         return M
@@ -292,7 +297,7 @@ def _moved(system: System, y: Floats, change: Floats) -> Floats:
     rates = np.zeros_like(y)
     rates[: system.rows] = change
     directors = kin.directors(y)
-    spin = 0.5 * np.cross(directors, kin.directors(rates)).sum(axis=1)
+    spin = 0.5 * np.cross(directors, kin.directors(rates)).sum(1)
     share = min(1.0, FAR_TURN / max(largest(spin), 1e-300))
     out = y + share * rates
     # rows are directors, which inverse rotations turn from the right

@@ -93,29 +93,30 @@ def resolution(system: System, history: History) -> Resolution | None:
     -------
     Resolution or None
     """
-    rows, apart = _windows(history), spread(len(history), STEPS)
+    rows = _windows(history)
+    apart = spread(len(history), STEPS)
     if not len(rows) and len(history) < ENOUGH:
         return None
     seen = rows.ravel() if len(rows) else apart
     y = _beside(system, history["q"][seen].reshape(len(seen), -1, 3), history.times[seen])
     extent = _extents(system, y)
     if len(rows):
-        y, times = y.reshape(*rows.shape, -1, 3), history.times[rows[:, -1]]
+        y = y.reshape(*rows.shape, -1, 3)
+        times = history.times[rows[:, -1]]
         moved = np.diff(y, axis=1)
-        size, angle = _vibrations(y.take(system.origin_rows, axis=2))
+        size, angle = _vibrations(y.take(system.origin_rows, 2))
         share = size / extent
     else:  # a vibration moves by the angle times its size
-        moved, times = _moved(system, history, apart), history.times[-1:]
-        ways = np.square(moved.take(system.origin_rows, axis=2)).sum(axis=-1)
-        angle = np.sqrt(2 * ways.mean(axis=1)) / (extent / 2)
+        moved = _moved(system, history, apart)
+        times = history.times[-1:]
+        ways = np.square(moved.take(system.origin_rows, 2)).sum(-1)
+        angle = np.sqrt(2 * ways.mean(1)) / (extent / 2)
         share = np.full(angle.shape, 0.5)
     # directors are orthonormal: each component of the rotation moves two of them
-    chords = np.sqrt(
-        np.square(moved.take(system.kinematics.director_rows, axis=2)).sum((-1, -2)) / 8
-    )
-    turns = 2 * np.arcsin(np.minimum(chords, 1.0)).mean(axis=1).max(axis=0, initial=0.0)
+    chords = np.sqrt(np.square(moved.take(system.kinematics.director_rows, 2)).sum((-1, -2)) / 8)
+    turns = 2 * np.arcsin(np.minimum(chords, 1.0)).mean(1).max(0, initial=0.0)
     parts = np.multiply.outer(history.meta.get("shares") or (1.0,), angle)
-    lost = min(STEPS, np.ptp(history["step"])) * abs(angle - 2 * np.arctan(parts / 2).sum(axis=0))
+    lost = min(STEPS, np.ptp(history["step"])) * abs(angle - 2 * np.arctan(parts / 2).sum(0))
     off = np.minimum(share * np.minimum(lost, 2.0), lost / 2)  # of what vibrates few cover less
     w, v = np.unravel_index(off.argmax(), off.shape)
     turning = ""
@@ -133,8 +134,10 @@ def resolution(system: System, history: History) -> Resolution | None:
 
 def _moved(system: System, history: History, rows: IndexArray) -> Floats:
     """Changes (1, k, rows, 3) in a step of some states that their velocities make."""
-    q, t = history["q"][rows], history.times[rows]
-    v, parts = Projection(system).velocities(q, history["p"][rows], t), np.array([[0.0], [1e-3]])
+    q = history["q"][rows]
+    t = history.times[rows]
+    v = Projection(system).velocities(q, history["p"][rows], t)
+    parts = np.array([[0.0], [1e-3]])
     after = parts * (np.ptp(history.times) / np.ptp(history["step"]))
     y = (q + after[:, :, None] * v).reshape(2, len(rows), -1, 3)
     return np.diff(_beside(system, y, t + after), axis=0) / parts[1]
@@ -170,7 +173,7 @@ def doubtful_steps(system: System, history: History) -> NDArray[np.bool_]:
     >>> doubtful_steps(model.freeze(), history).tolist()
     [False, False, False, False, False, False]
     """
-    out = np.zeros(len(history), dtype=bool)
+    out = np.zeros(len(history), bool)
     shares = np.abs(history.meta.get("shares") or (1.0,))
     hard = history["newton_iterations"] >= MANY + USUAL * (len(shares) - 1)
     steps = np.flatnonzero(hard | (history["attempts"] > 1))
@@ -180,15 +183,16 @@ def doubtful_steps(system: System, history: History) -> NDArray[np.bool_]:
     starts = starts[_neighbours(history)[starts[:, None] + np.arange(3)].all(1)]
     if not len(starts):
         return out
-    q, times = history["q"].reshape(len(history), -1, 3), history.times
+    q = history["q"].reshape(len(history), -1, 3)
+    times = history.times
     some = spread(len(q), STEPS)
     scale = np.full(system.rows, shares.max() ** 3 / FAR)
     scale[system.origin_rows] /= _extents(system, _beside(system, q[some], times[some]))
-    far = np.zeros(len(out) + 3, dtype=bool)  # the step to state k is in windows k to k + 2 of it
+    far = np.zeros(len(out) + 3, bool)  # the step to state k is in windows k to k + 2 of it
     for some in np.array_split(starts, len(starts) // 100 + 1):
         four = some[:, None] + np.arange(4)
         third = np.diff(_beside(system, q[four], times[four]), 3, axis=1)[:, 0]
-        far[some + 3] = (scale * np.linalg.norm(third, axis=-1) > 1).any(axis=1)
+        far[some + 3] = (scale * np.linalg.norm(third, axis=-1) > 1).any(1)
     out[steps] = far[steps[:, None] + np.arange(3)].any(1)
     return out
 
@@ -250,7 +254,7 @@ def alternation(system: System, history: History, h: float) -> Alternation | Non
 def _held(system: System) -> NDArray[np.bool_]:
     """Rows (rows,) of frames and points that cannot move while drives and ground are at rest."""
     P = abs(null_space_matrix(system, system.extend(system.q0, 0.0)))
-    moves = np.ravel(P.sum(axis=1)).reshape(-1, 3).max(axis=1) > 0
+    moves = np.ravel(P.sum(1)).reshape(-1, 3).max(1) > 0
     axes = system.kinematics.director_rows
     moves[axes] = moves[axes].any(1, keepdims=True)
     return np.logical_not(moves)
@@ -258,7 +262,7 @@ def _held(system: System) -> NDArray[np.bool_]:
 
 def _extents(system: System, y: Floats) -> Floats:
     """The way of what moves most in the separate part that each vertex is of; no motion: inf."""
-    ways = np.linalg.norm(np.ptp(y.take(system.origin_rows, axis=1), axis=0), axis=-1)
+    ways = np.linalg.norm(np.ptp(y.take(system.origin_rows, 1), axis=0), axis=-1)
     part = separate_parts(system).part[system.origin_rows]
     extent = np.zeros(part.max(initial=0) + 1)
     np.maximum.at(extent, part, ways)
@@ -272,7 +276,7 @@ def _vibrations(places: Floats) -> tuple[Floats, Floats]:
     amplitude: the third and the fifth tell both, whatever slow motion it is on.
     """
     third, fifth = (
-        np.linalg.norm(np.diff(places, order, axis=1), axis=-1).max(axis=1, initial=0.0)
+        np.linalg.norm(np.diff(places, order, axis=1), axis=-1).max(1, initial=0.0)
         for order in (3, 5)
     )
     some = third > SAME * largest(places)
@@ -288,10 +292,12 @@ def _beside(system: System, y: Floats, times: Floats) -> Floats:
     """
     if not system.moving:
         return y
-    out, drives = y.copy(), {system.row_of(drive.place) - system.rows for drive in system.drives}
+    out = y.copy()
+    drives = {system.row_of(drive.place) - system.rows for drive in system.drives}
     for k in [k for k in range(4, system.grounds.rows, 4) if k not in drives][:1]:
         ground = np.array([system.ground(t)[k : k + 4] for t in times.ravel().tolist()])
-        frames, parts = ground.reshape(*times.shape, 4, 3), separate_parts(system)
+        frames = ground.reshape(*times.shape, 4, 3)
+        parts = separate_parts(system)
         tied = parts.free[parts.part] == 0
         out[..., system.origin_rows[tied[system.origin_rows]], :] -= frames[..., :1, :]
         out[..., tied, :] = out[..., tied, :] @ frames[..., 1:, :].swapaxes(-1, -2)
@@ -302,7 +308,8 @@ def _beside(system: System, y: Floats, times: Floats) -> Floats:
 
 def _neighbours(history: History) -> NDArray[np.bool_]:
     """True for pairs of successive states one whole step apart: steps to events are shorter."""
-    ways, next_to = np.diff(history.times), np.diff(history["step"]) == 1
+    ways = np.diff(history.times)
+    next_to = np.diff(history["step"]) == 1
     usual = np.median(ways[next_to]) if next_to.any() else np.nan
     return next_to & np.isclose(ways, usual, atol=0.0)
 
@@ -313,7 +320,7 @@ def _windows(history: History) -> IndexArray:
     for width in (STATES, ENOUGH, 2):
         if len(next_to) < width - 1:
             continue
-        starts = np.flatnonzero(sliding_window_view(next_to, width - 1).all(axis=1))
+        starts = np.flatnonzero(sliding_window_view(next_to, width - 1).all(1))
         if len(starts):
             return starts[spread(len(starts))][:, None] + np.arange(width)
-    return np.zeros((0, 2), dtype=np.int64)
+    return np.zeros((0, 2), np.int64)

@@ -22,7 +22,7 @@ from ..linear import EIGENVALUES, SingularMatrixError
 from ..model import System, takes_scene
 from ..model.balance import Amplitudes, Balance, balance, balance_tangent
 from ..model.loops import null_space_matrix
-from ..types import Array, ArrayLike, Floats, numbers, real
+from ..types import NO_INDICES, Array, ArrayLike, Floats, numbers, real
 
 FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
 
@@ -252,7 +252,8 @@ def balancing_multipliers(system: System, y: Floats, R: Floats) -> Floats:
     """
     if not system.m:
         return np.zeros(0)
-    rows, G = RowSpace(system, y), system.constraints.jacobian(y)
+    rows = RowSpace(system, y)
+    G = system.constraints.jacobian(y)
     out = rows.multipliers(-R)
     return out + rows.multipliers(-R - G.T @ out)
 
@@ -264,10 +265,11 @@ def congruent(P: csr_matrix, A: spmatrix) -> csr_matrix:
 
 def blocks_matrix(system: System, blocks: list[Array]) -> csr_matrix:
     """Blocks of the system's groups, then of its couplings if any, as a matrix (n, n)."""
-    xyz, pairs = np.arange(3), 3 * system.couplings.pairs[:, :, None, None]
+    xyz = np.arange(3)
+    pairs = 3 * system.couplings.pairs[:, :, None, None]
     places = [(group.dofs[:, :, None], group.dofs[:, None, :]) for group in system.groups]
     places.append((pairs[:, 0] + xyz[:, None], pairs[:, 1] + xyz))
-    none = [(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0))]
+    none = [(NO_INDICES, NO_INDICES, np.zeros(0))]
     each = [np.broadcast_arrays(*at, block) for at, block in zip(places, blocks, strict=False)]
     rows, cols, values = (
         np.concatenate([part.ravel() for part in parts]) for parts in zip(*none, *each, strict=True)
@@ -279,16 +281,14 @@ def curvature_matrix(system: System, y: Floats, multipliers: Floats) -> csr_matr
     """``sum_k lambda_k H_k`` (n, n), H_k the second derivative of constraint k."""
     c = system.constraints
     ij = (c.curvature_rows, c.curvature_cols)
-    values = c.curvature_values(multipliers, y)
-    return coo_matrix((values, ij), shape=(system.n, system.n)).tocsr()
+    return coo_matrix((c.curvature_values(multipliers, y), ij), shape=(system.n, system.n)).tocsr()
 
 
 def material_stiffness(system: System, y: Floats) -> csr_matrix:
     """Stiffness (n, n) of all beams at configuration y, as if there were no stresses."""
-    blocks = system.mass_tangent(0.0)
+    blocks = system.empty_tangent()
     for k, (group, (eps, B)) in enumerate(zip(system.beam_groups, system.strain(y), strict=True)):
-        parts = group.parts(B, B, np.zeros_like(eps), 1.0, 0.0, group.moduli(eps))
-        blocks[k] = parts.blocks()
+        blocks[k] = group.parts(B, B, np.zeros_like(eps), 1.0, 0.0, group.moduli(eps)).blocks()
     return blocks_matrix(system, blocks)
 
 
@@ -413,8 +413,8 @@ def constraint_frequency(system: System, q: Floats, constraint_force: Floats) ->
 def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> tuple[float, int]:
     """The frequency of :func:`constraint_frequency`, and the row of the frame that turns most."""
     rows = system.kinematics.director_rows
-    d, f = q.reshape(-1, 3)[rows], -constraint_force.reshape(-1, 3)[rows]
-    A = np.einsum("nia,nib->nab", f, d)
+    d = q.reshape(-1, 3)[rows]
+    A = np.einsum("nia,nib->nab", -constraint_force.reshape(-1, 3)[rows], d)
     blocks = (A + A.transpose(0, 2, 1)) / 2 - np.trace(A, 0, 1, 2)[:, None, None] * np.eye(3)
     # rates of directors for unit rotations of their frames
     turned = cross(np.eye(3), d[:, :, None])
@@ -423,7 +423,6 @@ def driven_alternation(system: System, q: Floats, constraint_force: Floats) -> t
     where = [each.ravel() for each in np.broadcast_arrays(to, of)]
     T = csr_matrix((turned.ravel(), where), (len(q), 3 * len(rows)))
     K = bsr_matrix((blocks, np.arange(len(rows)), np.arange(len(rows) + 1)), 2 * T.shape[1:])
-    M = congruent(T, full_mass(system))
-    value, shape = _largest(K, M)
+    value, shape = _largest(K, congruent(T, full_mass(system)))
     most = np.linalg.norm(shape.reshape(-1, 3), axis=1).argmax()
     return float(np.sqrt(max(value, 0.0))), int(rows[most, 0]) - 1

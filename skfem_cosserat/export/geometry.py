@@ -43,8 +43,8 @@ def frames(q: ArrayLike, offsets: ArrayLike) -> tuple[Floats, Floats]:
     >>> phi.tolist(), d[0, 2].tolist()
     ([[0.0, 1.0, 2.0]], [9.0, 10.0, 11.0])
     """
-    start = np.asarray(offsets, dtype=np.int64).reshape(-1, 1)
-    values = np.asarray(q, dtype=float)[..., start + np.arange(12)]
+    start = np.asarray(offsets, np.int64).reshape(-1, 1)
+    values = np.asarray(q, float)[..., start + np.arange(12)]
     return values[..., :3], _triads(values[..., 3:])
 
 
@@ -74,9 +74,9 @@ def quaternions(directors: ArrayLike) -> Floats:
     """
     from scipy.spatial.transform import Rotation  # slow to import, seldom needed
 
-    d = np.asarray(directors, dtype=float)
+    d = np.asarray(directors, float)
     turned = Rotation.from_matrix(nearest_rotations(d.reshape(-1, 3, 3))).inv()
-    return np.asarray(turned.as_quat(True, scalar_first=True)).reshape(*d.shape[:-2], 4)
+    return turned.as_quat(True, scalar_first=True).reshape(*d.shape[:-2], 4)
 
 
 def piece_weights(gauss: Floats, pieces: int) -> Floats:
@@ -85,8 +85,8 @@ def piece_weights(gauss: Floats, pieces: int) -> Floats:
     A piece without a Gauss point takes the value of the point closest to its middle.
     """
     away = abs(gauss - (np.arange(pieces)[:, None] + 0.5) / pieces)
-    own = away <= np.maximum(away.min(axis=1, keepdims=True), 0.5 / pieces)
-    return np.asarray(own / own.sum(axis=1, keepdims=True))
+    own = away <= np.maximum(away.min(1, keepdims=True), 0.5 / pieces)
+    return own / own.sum(axis=1, keepdims=True)
 
 
 class BeamShape:
@@ -122,7 +122,7 @@ class BeamShape:
         those of which these are copies.
     """
 
-    def __init__(self, name: str, static: Mapping[str, Array]) -> None:
+    def __init__(self, name: str, static: Mapping[str, Array]):
         self.name = name
         self._static = static
         self.offsets = self._get("offsets").astype(np.int64)
@@ -149,14 +149,17 @@ class BeamShape:
 
     def _number_points(self) -> None:
         """Find the `ends`, with points of their own where forces may jump, and their `origin`."""
-        conn, p = self.connectivity, self.order
-        flat, self._inner = conn[:, [0, -1]].ravel(), conn[:, 1:-1]
+        conn = self.connectivity
+        p = self.order
+        flat = conn[:, [0, -1]].ravel()
+        self._inner = conn[:, 1:-1]
         self.node_id = np.arange(len(self.offsets))
-        section, own = np.repeat(self.section, 2), self.rotations[:, [0, -1]].reshape(-1, 3, 3)
-        other = np.zeros(len(self.node_id), dtype=np.int64)
+        section = self.section.repeat(2)
+        own = self.rotations[:, [0, -1]].reshape(-1, 3, 3)
+        other = np.zeros(len(self.node_id), np.int64)
         other[flat] = np.arange(len(flat))
         last = other[flat]
-        differs = abs(own - own[last]).max(axis=(1, 2)) > 1e-12
+        differs = abs(own - own[last]).max((1, 2)) > 1e-12
         # of the section, or the triad of the node itself where those of sections differ
         self._node_rotation = np.empty((len(other), 3, 3))
         self._node_rotation[conn] = self.rotations
@@ -173,9 +176,9 @@ class BeamShape:
         if p > 2:
             self.node_id[self._inner] = -1
             chain = self.cells[:, [0, *range(2, p + 1), 1]]
-            self.cells = np.stack([chain[:, :-1], chain[:, 1:]], axis=2).reshape(-1, 2)
+            self.cells = np.stack([chain[:, :-1], chain[:, 1:]], 2).reshape(-1, 2)
         self.cell_pieces = len(self.cells) // len(conn)
-        self.cell_element = np.repeat(np.arange(len(conn)), self.cell_pieces)
+        self.cell_element = np.arange(len(conn)).repeat(self.cell_pieces)
 
     def spread(self, values: Floats) -> Floats:
         """Values (k, ne, 2, c) at ends as those of the points (k, m, c), linear between."""
@@ -230,11 +233,12 @@ class BeamShape:
 
     def skin(self, section: int) -> list[Floats]:
         """Outline, then holes, with points for stresses between the corners; none without one."""
-        outline, key = self.outline(section), f"beam/{self.name}/{{}}/{section}"
+        outline = self.outline(section)
+        key = f"beam/{self.name}/{{}}/{section}"
         skin = self._static.get(key.format("skin"))
         if outline is None or skin is None:
             return [] if outline is None else [outline]
-        return np.split(skin, np.cumsum(self._static[key.format("loops")])[:-1], axis=-2)
+        return np.split(skin, self._static[key.format("loops")].cumsum()[:-1], axis=-2)
 
     def stress(self, section: int) -> Floats | None:
         """Stresses (..., k, 3, 6) at the points of the skin for resultants of one, if known."""
@@ -291,17 +295,19 @@ class Surface:
         Number of points.
     """
 
-    def __init__(self, shape: BeamShape, outlines: Mapping[int, Floats | Sequence[Floats]]) -> None:
+    def __init__(self, shape: BeamShape, outlines: Mapping[int, Floats | Sequence[Floats]]):
         self._shape, self.size, p = shape, 0, shape.order
         self.swept: list[tuple[IndexArray, Floats]] = []
         self.caps: list[IndexArray] = []
         uses = np.bincount(shape.connectivity.ravel(), minlength=len(shape.offsets))
-        quads, places = [np.zeros((0, 4), dtype=np.int64)], [np.zeros((3, 0), dtype=np.int64)]
+        quads = [np.zeros((0, 4), np.int64)]
+        places = [np.zeros((3, 0), np.int64)]
         for section, given in outlines.items():
             if not len(given):
                 continue
             loops = [given] if isinstance(given, np.ndarray) else given
-            own, skin = np.flatnonzero(shape.section == section), np.concatenate(loops, axis=-2)
+            own = np.flatnonzero(shape.section == section)
+            skin = np.concatenate(loops, -2)
             self.swept.append((own, skin))
             element, *rest = np.indices((len(own), p + 1, skin.shape[-2]))
             places.append(np.reshape([own[element], *rest], (3, -1)))
@@ -314,7 +320,7 @@ class Surface:
             self.size += grid.size
         self.quads = np.concatenate(quads)
         #: element, station and number on the outline of each point
-        self._places = np.concatenate(places, axis=1)
+        self._places = np.concatenate(places, 1)
         self.element, self.piece = self._places[:2, self.quads[:, 0]]
         self.cap_element = self._places[0, [int(cap[0]) for cap in self.caps]]
 
@@ -327,8 +333,7 @@ class Surface:
         elif len(holes) == 1 and holes[0].shape == outer.shape:
             first, hole = (loop.reshape(-1, outer.shape[1], 2)[0] for loop in loops)
             near = np.linalg.norm(hole[::-1] - first[0], axis=1).argmin()
-            inner = np.roll(holes[0][:, ::-1], -near, axis=1)
-            self.caps += list(_quads(outer, inner)[:, ::step])
+            self.caps += list(_quads(outer, np.roll(holes[0][:, ::-1], -near, axis=1))[:, ::step])
 
     def shared(self) -> tuple[IndexArray, IndexArray]:
         """Points that stay, and the number of each point among them, if elements share `ends`."""
@@ -348,14 +353,14 @@ class Surface:
             for own, outline in self.swept
         ]
         return np.concatenate(
-            [np.zeros((*front, 0, 3)), *(part.reshape(*front, -1, 3) for part in parts)], axis=-2
+            [np.zeros((*front, 0, 3)), *(part.reshape(*front, -1, 3) for part in parts)], -2
         )
 
 
 def _quads(one: IndexArray, two: IndexArray) -> IndexArray:
     """Quads (m, 4) between closed rings of points (..., k)."""
     after = np.roll(one, -1, axis=-1), np.roll(two, -1, axis=-1)
-    return np.stack([one, *after, two], axis=-1).reshape(-1, 4)
+    return np.stack([one, *after, two], -1).reshape(-1, 4)
 
 
 @dataclass(frozen=True)
@@ -385,7 +390,7 @@ class BodyShape:
     def points(self, q: ArrayLike) -> Floats:
         """Corners ``(..., nv, 3)`` (velocities for rates of q), or the place ``(..., 1, 3)``."""
         if self.material is None:
-            return np.array(q, dtype=float)[..., None, self.offset : self.offset + 3]
+            return np.array(q, float)[..., None, self.offset : self.offset + 3]
         phi, d = frames(q, [self.offset])
         return phi + self.material @ d[..., 0, :, :]
 
@@ -403,10 +408,11 @@ def beam_shapes(meta: Mapping[str, Any], static: Mapping[str, Array]) -> list[Be
 
 def body_shapes(meta: Mapping[str, Any], static: Mapping[str, Array]) -> Iterator[BodyShape]:
     """All bodies, then all mass points of a history."""
-    none = np.zeros((0, 3), dtype=np.int64)
+    none = np.zeros((0, 3), np.int64)
     for kind, list_name in (("body", "bodies"), ("point", "points")):
         for entry in meta.get(list_name, []):
-            name, prefix = entry["name"], f"{kind}/{entry['name']}"
+            name = entry["name"]
+            prefix = f"{kind}/{entry['name']}"
             if f"{prefix}/offset" not in static:
                 raise InputError(
                     f"{kind} {name!r}", f"the history has no static array '{prefix}/offset'"

@@ -51,13 +51,13 @@ class Cells:
         blocks: Sequence[tuple[int, IndexArray]],
         at_points: Fields | None = None,
         at_cells: Fields | None = None,
-    ) -> None:
+    ):
         widths = [np.full(len(block), block.shape[1]) for _, block in blocks]
         kinds = [np.full(len(block), kind) for kind, block in blocks]
         self.count = sum(map(len, widths))
         topology = {
             "connectivity": np.concatenate([block.ravel() for _, block in blocks]),
-            "offsets": np.cumsum(np.concatenate(widths)),
+            "offsets": np.concatenate(widths).cumsum(),
         }
         small = {name: values.astype(np.int32) for name, values in topology.items()}
         #: of three groups of arrays, see `_array`
@@ -120,7 +120,7 @@ class Layer(ABC):
 
 def entry(states: States, name: str, shape: tuple[int, ...]) -> Floats:
     """Entry ``name`` of all states ``(k, *shape)``, with the shape checked (-1: any)."""
-    value = np.asarray(states[name], dtype=float)
+    value = np.asarray(states[name], float)
     own = value.shape[1:]
     if len(own) != len(shape) or any(a not in (b, -1) for a, b in zip(shape, own, strict=True)):
         raise InputError(f"row entry {name!r}", f"got shape {own}, expected {shape}")
@@ -131,13 +131,12 @@ def _stack(parts: list[Fields], sizes: list[int]) -> Fields:
     """Join the fields of items of some sizes; a field that an item lacks is NaN there."""
     joined = {}
     for name in dict.fromkeys(name for part in parts for name in part):
-        model = next(part[name] for part in parts if name in part)
-        count, _, *rest = model.shape
+        count, _, *rest = next(part[name] for part in parts if name in part).shape
         pieces = [
             part[name] if name in part else np.full((count, size, *rest), np.nan)
             for part, size in zip(parts, sizes, strict=True)
         ]
-        joined[name] = pieces[0] if len(pieces) == 1 else np.concatenate(pieces, axis=1)
+        joined[name] = pieces[0] if len(pieces) == 1 else np.concatenate(pieces, 1)
     return joined
 
 
@@ -146,7 +145,8 @@ def _gauss_fields(shape: BeamShape, states: States) -> Fields:
     fields: Fields = {}
     size = (len(shape.connectivity), len(shape.gauss), 6)
     for kind, names in _PAIRS.items():
-        key, pieces = f"beam/{shape.name}/{kind}", shape.cell_pieces
+        key = f"beam/{shape.name}/{kind}"
+        pieces = shape.cell_pieces
         if key not in states:
             continue
         values = entry(states, key, size).reshape(-1, *size[:2], 2, 3)  # two vectors
@@ -187,7 +187,7 @@ class BeamLayer(Layer):
 
     name = "beams"
 
-    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
+    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]):
         self._shapes = shapes = beam_shapes(meta, static)
         self.wanted = ["v", *_beam_series(shapes, "resultant", "nodal_resultant")]
         self.series = [*self.wanted, *_beam_series(shapes, "strain", "nodal_strain")]
@@ -223,7 +223,8 @@ class BeamLayer(Layer):
 
     @staticmethod
     def _point_fields(shape: BeamShape, states: States, reference: Floats) -> Fields:
-        x, d = shape.points(states["q"]), shape.directors(states["q"])
+        x = shape.points(states["q"])
+        d = shape.directors(states["q"])
         fields = {"x": x, "u": x - shape.points(reference)}
         if "v" in states:
             fields["v"] = shape.points(states["v"])
@@ -244,7 +245,7 @@ class SurfaceLayer(Layer):
     name = "beam_surfaces"
     level = 1
 
-    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
+    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]):
         self._shapes = beam_shapes(meta, static)
         self._surfaces = [shape.surface() for shape in self._shapes]
         self.series = _beam_series(self._shapes, "nodal_resultant")
@@ -280,15 +281,17 @@ class SurfaceLayer(Layer):
     @staticmethod
     def _stresses(shape: BeamShape, own: IndexArray, skin: Floats, six: Floats) -> Fields:
         """Fields (k, points, ...) of elements by forces (k, ne, p + 1, 6) of all; NaN: unknown."""
-        forces, count = six[:, own], skin.shape[-2]
+        forces = six[:, own]
+        count = skin.shape[-2]
         operator = shape.stress(int(shape.section[own[0]]))
         if operator is None:
             operator = np.full((count, 3, 6), np.nan)
         flat = operator.reshape(*operator.shape[:-3], -1, 6)
         stress = (flat @ forces[..., None]).reshape(len(six), -1, 3)
-        sigma, tau = stress[..., 0], np.linalg.norm(stress[..., 1:], axis=-1)
+        sigma = stress[..., 0]
+        tau = np.linalg.norm(stress[..., 1:], axis=-1)
         fields = {"sigma": sigma, "tau": tau, "mises": np.sqrt(sigma**2 + 3 * tau**2)}
-        rings = np.repeat(forces.reshape(len(six), -1, 6), count, axis=1)
+        rings = forces.reshape(len(six), -1, 6).repeat(count, 1)
         return fields | {"N": rings[..., :3], "M": rings[..., 3:]}
 
 
@@ -297,18 +300,18 @@ class BodyLayer(Layer):
 
     name = "bodies"
 
-    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]) -> None:
+    def __init__(self, meta: Mapping[str, Any], static: Mapping[str, Array]):
         self._shapes = list(body_shapes(meta, static))
         self.series = self.wanted = ["v"]
         sizes = [1 if shape.material is None else len(shape.material) for shape in self._shapes]
-        self._owner = np.repeat(np.arange(len(sizes)), sizes)
+        self._owner = np.arange(len(sizes)).repeat(sizes)
         blocks = [
             (_VTK["vertex"], np.array([[start]]))
             if shape.material is None
             else (_VTK["triangle"], start + shape.faces)
             for start, shape in zip(np.cumsum([0, *sizes[:-1]]), self._shapes, strict=True)
         ]
-        ids = np.repeat(np.arange(len(blocks)), [len(block) for _, block in blocks])
+        ids = np.arange(len(blocks)).repeat([len(block) for _, block in blocks])
         names = np.array([shape.name for shape in self._shapes])[ids]
         self._cells = Cells(blocks, at_cells={"body_id": ids, "name": names})
 
@@ -318,12 +321,12 @@ class BodyLayer(Layer):
         fields = {"u": x - self._points(reference)}
         if "v" in states:
             fields["v"] = self._points(states["v"])
-        turned = quaternions(np.stack([s.directors(states["q"]) for s in self._shapes], axis=1))
+        turned = quaternions(np.stack([s.directors(states["q"]) for s in self._shapes], 1))
         fields["q_wxyz"] = turned[:, self._owner]
         return Grid(x, self._cells, fields, {})
 
     def _points(self, q: Floats) -> Floats:
-        return np.concatenate([shape.points(q) for shape in self._shapes], axis=-2)
+        return np.concatenate([shape.points(q) for shape in self._shapes], -2)
 
 
 class ItemLayer(Layer):
@@ -353,7 +356,7 @@ class ItemLayer(Layer):
         shape: tuple[int, ...],
         vectors: Sequence[str],
         scalars: Sequence[str] = (),
-    ) -> None:
+    ):
         self.name, self._places, self._shape = name, places, shape
         self._fields: dict[str, tuple[int, ...]] = {
             **dict.fromkeys(vectors, shape),
@@ -401,7 +404,7 @@ class ItemLayer(Layer):
     def _held(self, item: str, x: Floats) -> Floats:
         """Places (k, ...) of an item, the last known one where it is released."""
         x = np.concatenate([self._last.get(item, x[:1]), x])
-        known = np.isfinite(x).reshape(len(x), -1).all(axis=1)
+        known = np.isfinite(x).reshape(len(x), -1).all(1)
         x = x[np.maximum.accumulate(np.where(known, np.arange(len(x)), 0))]
         self._last[item] = x[-1:]
         return x[1:]
@@ -434,15 +437,17 @@ PACKED = 8192
 def _array(name: str, values: Array, level: int) -> tuple[str, bytes]:
     """Attributes and unit of an array (n, ...) in a file, and its packed bytes."""
     if values.dtype.kind == "U":
-        size, kind = f' NumberOfTuples="{len(values)}"', "String"
+        size = f' NumberOfTuples="{len(values)}"'
+        kind = "String"
         data = "".join(f"{text}\0" for text in values.tolist()).encode()
     else:
         size = f' NumberOfComponents="{values.shape[1]}"' if values.ndim == 2 else ""
         kind = {"f": "Float", "i": "Int", "u": "UInt"}[values.dtype.kind]
-        kind, data = f"{kind}{8 * values.itemsize}", values.tobytes()
+        kind = f"{kind}{8 * values.itemsize}"
+        data = values.tobytes()
     packed = zlib.compress(data, level or int(len(data) < PACKED))
     # one block, the last of whose numbers is that of bytes
-    header = np.array([1, len(data), 0, len(packed)], dtype=np.uint32).tobytes()
+    header = np.array([1, len(data), 0, len(packed)], np.uint32).tobytes()
     unit = _UNIT.format(_UNITS[name]) if name in _UNITS else ""
     tag = f'<DataArray type="{kind}" Name="{name}"{size} format="appended" offset="{{}}">{unit}'
     return f"{tag}</DataArray>\n", header + packed
@@ -466,7 +471,8 @@ def _text(grid: Grid, k: int, about: str, level: int) -> bytes:
         f"<FieldData>\n{about}</FieldData>\n<Piece"
         f' NumberOfPoints="{grid.points.shape[1]}" NumberOfCells="{grid.cells.count}">\n'
     ]
-    data, offset = [], 0
+    data = []
+    offset = 0
     for group, arrays in groups.items():
         text.append(f"<{group}>\n")
         for tag, packed in arrays:
@@ -515,7 +521,7 @@ def _write_at(handle: BinaryIO, offset: int, data: bytes) -> None:
 class _Index:
     """A ``.pvd`` file that is complete after each frame: the closing tags are overwritten."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path):
         self.path = path
         self._end = 0
 
@@ -643,7 +649,7 @@ class ParaViewWriter:
         *,
         reference: ArrayLike | None = None,
         surfaces: bool = False,
-    ) -> None:
+    ):
         self.folder = Path(folder)
         self._reference = static.get("reference") if reference is None else np.asarray(reference)
         self._layers = _layers(meta, static, switch("argument surfaces", surfaces))
@@ -733,7 +739,8 @@ class ParaViewWriter:
         grids = [layer.grid(states, self._reference) for layer in self._layers]
         written: list[Path] = []
         for k, time in enumerate(times):
-            about, written = _field("TimeValue", self._time, np.array(time)), []
+            about = _field("TimeValue", self._time, np.array(time))
+            written = []
             whole = [
                 _field(n, unit, states[n][k]) for n, unit in _OF_THE_SCENE.items() if n in states
             ]

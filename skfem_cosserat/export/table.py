@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -23,9 +23,11 @@ from ..arguments import checked
 from ..errors import InputError, writing
 from ..history import History, SensorRecord
 from ..history.file import plain
-from ..types import Array, FilePath, Floats
+from ..types import Array, FilePath, Floats, Meta
 from ..version import VERSION
 
+#: values of a row by the names of columns
+TableRow: TypeAlias = dict[str, Any]
 #: numbers per state above which a quantity is not in a table unless named
 WIDE = 6
 _PROVENANCE = ("integrator", "treatment", "step", "kernels", "versions", "status")
@@ -73,7 +75,8 @@ def record_of(history: History, name: str) -> SensorRecord:
 
 def columns_of(history: History, names: Sequence[str]) -> tuple[Floats, dict[str, Array]]:
     """Instants of the rows of a table, and its columns by name: see :func:`write_csv`."""
-    sensors, times = history.sensors, history.abscissa
+    sensors = history.sensors
+    times = history.abscissa
     columns = {}
     if names and set(names) <= sensors.keys():
         columns["t"] = times = sensors[names[0]].times
@@ -188,7 +191,7 @@ COMMIT = ["git", "--no-optional-locks", "describe", "--always", "--dirty", "--ab
 
 
 @checked
-def provenance(folder: FilePath | None = None) -> dict[str, Any]:
+def provenance(folder: FilePath | None = None) -> Meta:
     """Versions, machine, commit and threads, now.
 
     Parameters
@@ -302,9 +305,9 @@ class ResultTable:
         try:
             text = Path(path).read_text(encoding="utf-8")
         except OSError as error:
-            reason = f"cannot be read: {error.strerror}"
-            raise InputError(f"file {str(path)!r}", reason) from error
-        notes, table = {}, io.StringIO(text, newline="")
+            raise InputError(f"file {str(path)!r}", f"cannot be read: {error.strerror}") from error
+        notes = {}
+        table = io.StringIO(text, newline="")
         start = table.tell()
         while (line := table.readline()).startswith("# "):
             name, _, value = line[2:].partition(": ")

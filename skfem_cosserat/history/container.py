@@ -148,7 +148,7 @@ def spectrum(times: ArrayLike, values: ArrayLike, window: str = "hann") -> Spect
 
 
 @checked
-@dataclass(frozen=True, repr=False)
+@dataclass(frozen=True)
 class SensorRecord:
     """Values of a sensor at every step of a run.
 
@@ -171,7 +171,8 @@ class SensorRecord:
     unit: str = ""
 
     def __repr__(self) -> str:
-        t, unit = self.times, f" in {self.unit}" if self.unit else ""
+        t = self.times
+        unit = f" in {self.unit}" if self.unit else ""
         span = f", t = {t[0]:g} ... {t[-1]:g} s" if len(t) else ""
         return f"<SensorRecord: {len(t)} values of shape {self.values.shape[1:]}{unit}{span}>"
 
@@ -184,21 +185,23 @@ class SensorRecord:
 
         Second derivatives where steps differ: of first order in their difference.
         """
-        t, x = self.times, self.values
+        t = self.times
+        x = self.values
         per = {1: "/s", 2: "/s^2"}[order]
         if len(t) < order + 2:
             return SensorRecord(t, np.full(x.shape, np.nan), self.unit + per)
-        steps, unit = np.diff(t), float((t[-1] - t[0]) / (len(t) - 1))
+        steps = np.diff(t)
+        unit = float((t[-1] - t[0]) / (len(t) - 1))
         if abs(steps - unit).max() <= 1e-6 * unit:
             at = np.arange(len(t), dtype=float)  # differences of equal steps have no rounding
         else:
-            at, unit = t, 1.0
+            at = t
+            unit = 1.0
         with np.errstate(divide="ignore", invalid="ignore"):  # two instants of one time: NaN
             out = np.gradient(x, at, axis=0, edge_order=2)
         if order == 2:
             steps = np.diff(at).reshape(-1, *[1] * (x.ndim - 1))
-            change = np.diff(np.diff(x, axis=0) / steps, axis=0)
-            out[1:-1] = 2 * change / (steps[1:] + steps[:-1])
+            out[1:-1] = 2 * np.diff(np.diff(x, axis=0) / steps, axis=0) / (steps[1:] + steps[:-1])
             middle = (at[:-2] + at[1:-1] + at[2:]) / 3  # where these are, of cubic polynomials
             for end, to in ((0, 1), (-1, -1)):
                 share = (at[end] - middle[end]) / (middle[end + to] - middle[end])
@@ -341,16 +344,24 @@ Kind = Callable[[Any], Formulas]
 BALANCE = "energy_balance"
 #: series that a file has in any case, beside those of items: energies, and what pictures need
 SAVED = (
-    *("v", "kinetic", "strain_energy", "external", "coupling_energy", "energy", BALANCE),
-    *("linear_momentum", "angular_momentum"),
+    "v",
+    "kinetic",
+    "strain_energy",
+    "external",
+    "coupling_energy",
+    "energy",
+    BALANCE,
+    "linear_momentum",
+    "angular_momentum",
 )
 
 
 class _Available(Mapping[str, Array]):
     """Series of a history by name, derived when they are asked for; one state of them, copied."""
 
-    def __init__(self, history: History, row: int | None = None) -> None:
-        self._history, self._row = history, row
+    def __init__(self, history: History, row: int | None = None):
+        self._history = history
+        self._row = row
 
     def __getitem__(self, name: str) -> Array:
         if name not in self._history:
@@ -429,7 +440,7 @@ class History(Shown):
         sensors: Mapping[str, Any] | None = None,
         systems: Sequence[Any] | bytes = (),
         kind: Kind = dict,
-    ) -> None:
+    ):
         self.meta = plain(meta, "meta")
         self.static = {
             name: series_numbers(value, f"static array {name!r}") for name, value in static.items()
@@ -561,7 +572,7 @@ class History(Shown):
         parts = [self.segment(k) for k in range(len(self._formulas()))]
         own = [part[name] if len(part) and name in part else None for part in parts]
         shapes = [values.shape[1:] for values in own if values is not None]
-        size = tuple(int(each) for each in np.max(shapes, axis=0)) if shapes and shapes[0] else ()
+        size = tuple(map(int, np.max(shapes, 0))) if shapes and shapes[0] else ()
         out = np.full((len(self), *size), np.nan)
         for (start, stop), values in zip(self.segments, own, strict=True):
             if values is not None:
@@ -619,7 +630,8 @@ class History(Shown):
             about = meta.pop("segments", [{}])[k]
             if "fingerprint" in about:
                 meta["fingerprint"] = about["fingerprint"]
-            rows, systems = slice(*segments[k]), self.systems[k : k + 1]
+            rows = slice(*segments[k])
+            systems = self.systems[k : k + 1]
             part = {name: s[rows] for name, s in self._series.items()}
             self._segments[k] = History(meta, self.static, part, None, systems, self._kind)
         return self._segments[k]
@@ -632,7 +644,7 @@ class History(Shown):
         chosen : sequence of int
             Their numbers.
         """
-        rows = np.asarray(chosen, dtype=np.int64)
+        rows = np.asarray(chosen, np.int64)
         series = {name: values[rows] for name, values in self._series.items()}
         about = self.meta.get("segments", [])
         starts = [int(np.searchsorted(rows, min(s["row"], len(self)))) for s in about]
@@ -682,7 +694,8 @@ class History(Shown):
 
     def summary(self) -> dict[str, Any]:
         """What it is of, how it ended, what is doubtful, and what there is to be read."""
-        meta, times = self.meta, self.abscissa[[0, -1][: len(self)]]
+        meta = self.meta
+        times = self.abscissa[[0, -1][: len(self)]]
         names: dict[str, str] = {}
         for group, _, own in (name.rpartition("/") for name in self):
             names[group] = f"{names[group]}, {own}" if group in names else own
@@ -850,9 +863,7 @@ class History(Shown):
         rows = self._rows(place, s, part)
         if rows.shape[-2] == 1:
             raise InputError(place.label, "a mass point has no directors: it does not rotate")
-        if s is None:
-            return rows[..., 1:, :]
-        return nearest_rotations(rows[..., 1:, :])
+        return rows[..., 1:, :] if s is None else nearest_rotations(rows[..., 1:, :])
 
     def velocity(
         self, place: Place | Beam, s: ArrayLike | None = None, part: str | None = None

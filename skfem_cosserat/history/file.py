@@ -20,7 +20,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import FULL, HistoryError, IncompleteWarning, InputError, StorageError
-from ..types import Array, FilePath, file_path, switch
+from ..types import Array, FilePath, Meta, file_path, switch
 from ..warn import warn
 
 # -- what a history keeps of an event --------------------------------------------------------------
@@ -101,11 +101,11 @@ def plain(value: Any, item: str) -> Any:
     >>> plain({"step": np.float64(0.5), "parts": ("a", "b")}, "meta")
     {'step': 0.5, 'parts': ['a', 'b']}
     """
-    if isinstance(value, np.generic | np.ndarray):
+    if isinstance(value, (np.generic, np.ndarray)):
         return plain(value.tolist(), item)
-    if value is None or isinstance(value, bool | int | float | str):
+    if value is None or isinstance(value, (bool, int, float, str)):
         return value
-    if isinstance(value, list | tuple):
+    if isinstance(value, (list, tuple)):
         return [
             entry if type(entry) in _PLAIN else plain(entry, f"{item}[{k}]")
             for k, entry in enumerate(value)
@@ -172,7 +172,8 @@ def check_basic(names: Mapping[str, Any], item: str) -> None:
 # was half written, it says how the next reader takes that back. A reader keeps a writer waiting,
 # and a writer a reader.
 
-_APPLICATION, _VERSION = 0x5C055E7A, 1
+_APPLICATION = 0x5C055E7A
+_VERSION = 1
 _TABLES = f"""
 PRAGMA page_size = 8192;  -- most arrays are larger than the usual 4096 bytes
 PRAGMA synchronous = OFF;  -- a killed process loses nothing that was handed to the system
@@ -198,8 +199,14 @@ _SAVE_INSTANTS = 4096
 _DTYPE = re.compile(rf"[<|][{KINDS}][1-9]\d{{0,8}}")
 #: what a file may raise that is not as we write it
 _WRONG = (
-    *(ArithmeticError, AttributeError, LookupError, MemoryError),
-    *(RecursionError, TypeError, ValueError, sqlite3.Error),
+    ArithmeticError,
+    AttributeError,
+    LookupError,
+    MemoryError,
+    RecursionError,
+    TypeError,
+    ValueError,
+    sqlite3.Error,
 )
 
 
@@ -240,10 +247,8 @@ class FileWriter:
         If the file cannot be begun.
     """
 
-    def __init__(
-        self, path: FilePath, meta: Mapping[str, Any], static: Mapping[str, Array]
-    ) -> None:
-        self.path = file_path("argument path", path)
+    def __init__(self, path: FilePath, meta: Mapping[str, Any], static: Mapping[str, Array]):
+        self.path = file_path(path)
         new = not self.path.exists()
         self.path.open("wb").close()
         self._db = sqlite3.connect(self.path, timeout=_PATIENCE)
@@ -276,7 +281,8 @@ class FileWriter:
         """
         rows = []
         for name, array in arrays.items():
-            shape, data = str([*array.shape[1:]]), array.tobytes()
+            shape = str([*array.shape[1:]])
+            data = array.tobytes()
             columns = (kind, name, first, len(array), array.dtype.str, shape)
             rows.append((*columns, _crc(columns, data), data))
         with _os_errors(), self._db as db:
@@ -392,7 +398,7 @@ class _Scan:
         If the file is no history, or damaged.
     """
 
-    def __init__(self, path: Path, recover: bool = False) -> None:
+    def __init__(self, path: Path, recover: bool = False):
         self.item, self._recover, self._problem = _item(path), recover, ""
         self._pieces: dict[int, _Piece] = {}
         with _opened(path, recover) as db:
@@ -414,7 +420,8 @@ class _Scan:
 
     def _list(self, db: sqlite3.Connection, limit: int) -> None:
         """Take down all arrays, as far as they can be read, of a file of so many bytes."""
-        count, at = db.execute("SELECT max(seq) FROM sqlite_sequence").fetchone()[0] or 0, 0
+        count = db.execute("SELECT max(seq) FROM sqlite_sequence").fetchone()[0] or 0
+        at = 0
         while at < min(count, limit):
             try:
                 for *row, size in db.execute(_LIST, [at]):
@@ -448,7 +455,8 @@ class _Scan:
         blocks: dict[int, dict[str, _Piece]] = {}
         for piece in self.of(kind):
             blocks.setdefault(piece.first, {})[piece.name] = piece
-        names, sound = max((block.keys() for block in blocks.values()), key=len, default=()), []
+        names = max((block.keys() for block in blocks.values()), key=len, default=())
+        sound = []
         for first, block in sorted(blocks.items()):
             if block.keys() == names and _is_sound(kind, block):
                 sound.append(block)
@@ -456,14 +464,15 @@ class _Scan:
                 self._blame(f"{kind} from number {first} on")
         return sound
 
-    def _metadata(self, db: sqlite3.Connection) -> dict[str, Any]:
+    def _metadata(self, db: sqlite3.Connection) -> Meta:
         """Metadata of as many states as there are."""
-        meta: dict[str, Any] = {}
+        meta: Meta = {}
         if not self.of("head"):
             raise HistoryError(self.item, "damaged: its head is gone, nothing can be recovered")
         for piece in self.of("head", "note", "tail"):
             meta = {**meta, **json.loads(piece.array(db).tobytes())}
-        segments, events = meta.get("segments", []), meta.get("events", [])
+        segments = meta.get("segments", [])
+        events = meta.get("events", [])
         if any(type(each["row"]) is not int for each in [*segments, *events]):
             raise ValueError("rows of segments and events")
         for event in events:
@@ -490,7 +499,8 @@ class _Scan:
             self._blame(f"states {missing} are missing")
         if not self._problem:
             return
-        t, lost = np.concatenate([np.zeros(0), *(piece.array(db) for piece in times)]), []
+        t = np.concatenate([np.zeros(0), *(piece.array(db) for piece in times)])
+        lost = []
         for k, (first, last) in zip(gaps, missing, strict=True):
             near = " and ".join(f"{time:.6g}" for time in t[max(k - 1, 0) : k + 1])
             lost.append(f"states {first} to {last} (next to t = {near or 'none'})")
@@ -536,7 +546,7 @@ class StoredArrays(UserDict[str, Any]):
         If an array is damaged, or the file is another one by then.
     """
 
-    def __init__(self, path: Path, recover: bool, blocks: Sequence[Mapping[str, _Piece]]) -> None:
+    def __init__(self, path: Path, recover: bool, blocks: Sequence[Mapping[str, _Piece]]):
         super().__init__()
         self._file = path.absolute(), recover
         for name in blocks[0] if blocks else ():
@@ -562,7 +572,7 @@ def empty_series() -> dict[str, Array]:
 
 def load_file(
     path: FilePath, recover: bool = False
-) -> tuple[dict[str, Any], dict[str, Array], Mapping[str, Array], Mapping[str, Array]]:
+) -> tuple[Meta, dict[str, Array], Mapping[str, Array], Mapping[str, Array]]:
     """Read ``meta``, static arrays, series, and arrays of sensors of a file.
 
     Series and arrays of sensors are read when they are asked for.
@@ -580,7 +590,8 @@ def load_file(
     HistoryError
         If the file is no history, or damaged; and when a series is read that is damaged.
     """
-    path, recover = file_path("argument path", path), switch("argument recover", recover)
+    path = file_path(path)
+    recover = switch("argument recover", recover)
     scan = _Scan(path, recover)
     with _opened(path, recover) as db:
         static = {piece.name: piece.array(db)[0].copy() for piece in scan.of("static")}
@@ -589,7 +600,7 @@ def load_file(
 
 
 @checked
-def read_meta(path: FilePath) -> dict[str, Any]:
+def read_meta(path: FilePath) -> Meta:
     """Metadata of a history file and the number of its ``states``, without reading the arrays.
 
     Parameters
@@ -617,13 +628,13 @@ def read_meta(path: FilePath) -> dict[str, Any]:
     ...     read_meta(path)
     {'step': 0.01, 'status': 'killed', 'states': 0}
     """
-    scan = _Scan(file_path("argument path", path))
+    scan = _Scan(file_path(path))
     return {**scan.meta, "states": scan.states}
 
 
 def save_file(
     path: FilePath,
-    meta: dict[str, Any],
+    meta: Meta,
     static: Mapping[str, Array],
     series: Mapping[str, Array],
     sensors: Mapping[str, Array],
@@ -648,7 +659,7 @@ def save_file(
     StorageError
         If the disk is full, say; an older file is as it was.
     """
-    path = file_path("argument path", path)
+    path = file_path(path)
     temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     size = sum(array[:1].nbytes for array in series.values())
     stride = max(1, min(_SAVE_ROWS, SAVE_BYTES // max(size, 1)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arguments import checked
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
-from ..types import Array, FilePath
+from ..types import Array, FilePath, Meta
 from ..warn import warn
 from .container import History
 from .file import (
@@ -72,7 +72,7 @@ class HistoryWriter:
         static: Mapping[str, Any],
         path: FilePath | None = None,
         block: int = 50,
-    ) -> None:
+    ):
         if block < 1:
             raise InputError("argument block", f"got {block}, expected at least 1")
         self._meta = {**plain(meta, "meta"), "status": "running"}
@@ -106,7 +106,7 @@ class HistoryWriter:
         return self._closed
 
     @property
-    def meta(self) -> dict[str, Any]:
+    def meta(self) -> Meta:
         """A copy of the meta data so far, with the status."""
         return dict(self._meta)
 
@@ -255,7 +255,8 @@ class HistoryWriter:
                 self._file.append(kind, first, arrays)
             except OSError as error:  # from now on all is kept in memory
                 self._file.close()
-                self._file, self._failure = None, error
+                self._file = None
+                self._failure = error
         return self._file is not None
 
     def _say(self) -> None:
@@ -263,7 +264,8 @@ class HistoryWriter:
         if self._failure is None:
             return
         assert self._path is not None
-        reason, self._failure = self._failure, None
+        reason = self._failure
+        self._failure = None
         history = self.history()
         advice = (
             f"; {self._stored} states are in the file, all states in .history of this error:"

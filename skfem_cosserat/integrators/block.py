@@ -14,7 +14,7 @@ from ..constraints.saddle import accelerations, nearest_momentum, nearest_veloci
 from ..errors import CosseratError, Diverged
 from ..model import System
 from ..newton import NewtonSettings
-from ..types import Floats, IndexArray
+from ..types import NO_INDICES, Floats, IndexArray
 from .base import Integrator
 from .scheme import State, StepOrigin, StepWork, carried_rates
 
@@ -59,7 +59,11 @@ class Failure:
     def error(self, settings: NewtonSettings) -> Diverged:
         """Error that tells of it."""
         return Diverged(
-            *(self.state.time, self.state.index + 1, self.residual, self.reason, self.advice),
+            self.state.time,
+            self.state.index + 1,
+            self.residual,
+            self.reason,
+            self.advice,
             residuals=list(self.residuals),
             settings=settings if self.residuals else None,
             effort=self.effort,
@@ -69,7 +73,7 @@ class Failure:
 # -- steps that are solved -------------------------------------------------------------------------
 
 
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class Block(Sequence["StepReport"]):
     """Steps that were solved one after the other, k >= 1 of them; as a sequence their reports.
 
@@ -147,7 +151,7 @@ class Block(Sequence["StepReport"]):
     ) -> Block:
         """Block of a single step from a state to another one."""
         assert state.made_by is not None
-        none = np.zeros(0, dtype=np.int64)
+        none = NO_INDICES
         return cls(
             system,
             integrator,
@@ -197,7 +201,8 @@ class Block(Sequence["StepReport"]):
         return (StepReport(self, k) for k in range(len(self)))
 
     def __repr__(self) -> str:
-        index, time = self.start.index + len(self), self.times[-1]
+        index = self.start.index + len(self)
+        time = self.times[-1]
         steps = "1 step" if len(self) == 1 else f"{len(self)} steps"
         return f"<Block: {steps} to step {index}, t = {time:g} s>"
 
@@ -231,7 +236,7 @@ class Block(Sequence["StepReport"]):
         """Block of the steps from number `first` up to that before number `last`."""
         if (first, last) == (0, len(self)):
             return self
-        arrays: dict[str, Any] = {name: getattr(self, name)[first:last] for name in self._arrays}
+        arrays = {name: getattr(self, name)[first:last] for name in self._arrays}
         stages = self.stages
         if stages is not None:
             each = len(stages) // len(self)
@@ -240,7 +245,7 @@ class Block(Sequence["StepReport"]):
         return replace(self, **arrays, start=start, stages=stages, stuck=False)
 
 
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class StepReport:
     """One solved step.
 
@@ -259,7 +264,8 @@ class StepReport:
     number: int
 
     def __repr__(self) -> str:
-        end, name = self.state, type(self).__name__
+        end = self.state
+        name = type(self).__name__
         return f"<{name}: to step {end.index}, t = {end.time:g} s, {self.iterations} iterations>"
 
     @property
@@ -320,13 +326,14 @@ class StepReport:
     @property
     def y1(self) -> Floats:
         """All rows (total, 3) at its end."""
-        q, ground = self.block.q[self.number], self.block.ground[self.number]
-        return np.concatenate([q.reshape(-1, 3), ground])
+        q = self.block.q[self.number]
+        return np.concatenate([q.reshape(-1, 3), self.block.ground[self.number]])
 
     @property
     def momentum(self) -> Floats:
         """Momentum ``p_n`` (n,) of the discrete Legendre transform at the *start* of the step."""
-        node, state = self.integrator.carries_node_momentum, self.start
+        node = self.integrator.carries_node_momentum
+        state = self.start
         if self.block.by_motion and not node:  # nothing along G^T changes the velocity
             return nearest_momentum(self.system, self.constraint_point, state.p, state.time)
         if state.fresh or node:
@@ -461,7 +468,8 @@ def forces_between(before: StepReport | None, block: Block) -> Floats:
     """
     if block.by_motion:
         return np.array([step.constraint_force for step in block])
-    integrator, weight = block.integrator, block.integrator.constraint_weight
+    integrator = block.integrator
+    weight = block.integrator.constraint_weight
     last = block[0] if before is None else before
     sizes = np.append(last.step, block.sizes)[:, None]
     impulses = np.concatenate([last.impulse[None], block.impulse])

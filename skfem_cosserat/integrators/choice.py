@@ -172,9 +172,11 @@ def choose(
             text = f"{hindrance}{remedy}; {steps} steps with numpy take some {FACTOR} times as long"
             warn("argument kernels", text, PerformanceWarning)
         return Choice("numpy", hindrance)
-    source, why = Source.DISK, "the kernels of the scene are on disk"
+    source = Source.DISK
+    why = "the kernels of the scene are on disk"
     if long:
-        source, why = Source.COMPILER, f"the run has {LONG_RUN} steps or more"
+        source = Source.COMPILER
+        why = f"the run has {LONG_RUN} steps or more"
     return Choice("numba", why, plan_of(coordinates, solver is not None), source, long)
 
 

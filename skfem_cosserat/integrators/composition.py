@@ -13,8 +13,11 @@ _SUZUKI = 1 / (4 - 4 ** (1 / 3))
 _HALVES = {
     4: (_SUZUKI, _SUZUKI, 1 - 4 * _SUZUKI),
     6: (
-        *(0.39216144400731413928, 0.33259913678935943860, -0.70624617255763935981),
-        *(0.082213596293550800230, 0.79854399093482996340),
+        0.39216144400731413928,
+        0.33259913678935943860,
+        -0.70624617255763935981,
+        0.082213596293550800230,
+        0.79854399093482996340,
     ),
 }
 
@@ -68,8 +71,8 @@ class Composition(Integrator):
     part: Integrator
     constraint_weight = 0.0  # its force is that of the continuous equations at the nodes
 
-    def __init__(self, part: Integrator, order: int = 4) -> None:
-        if not isinstance(order, int | np.integer) or order not in _HALVES:
+    def __init__(self, part: Integrator, order: int = 4):
+        if not isinstance(order, (int, np.integer)) or order not in _HALVES:
             raise InputError("argument order", f"{order!r}, expected one of {list(_HALVES)}")
         if not isinstance(part, Integrator):
             raise InputError("argument part", f"{part!r}, expected an integrator")
@@ -86,14 +89,17 @@ class Composition(Integrator):
                 " out",
             )
         half = _HALVES[int(order)]
-        self.part, self.order = part, int(order)
+        self.part = part
+        self.order = int(order)
         self.shares = (*half, *half[-2::-1])
         self.name = f"{part.name} composed to order {order}"
         # it is the longest of the steps that has to resolve the frequencies
-        limit, longest = part.frequency_limit, max(abs(share) for share in half)
+        limit = part.frequency_limit
+        longest = max(map(abs, half))
         self.frequency_limit = None if limit is None else limit / longest
         self.fixed_step = part.fixed_step
-        self.advice, self.conserves = part.advice, part.conserves
+        self.advice = part.advice
+        self.conserves = part.conserves
         self.keeping = part.keeping
         source = {
             4: "Suzuki, Phys. Lett. A 146 (1990) 319",

@@ -61,7 +61,7 @@ class EnergyMomentum(Integrator):
         "Gonzalez, J. Nonlinear Sci. 6 (1996) 449; Betsch & Leyendecker, IJNME 67 (2006) 499"
     )
 
-    def __init__(self, stabilized: bool = False) -> None:
+    def __init__(self, stabilized: bool = False):
         self.stabilized = switch("argument stabilized", stabilized)
         if stabilized:
             self.name = "stabilized energy-momentum"
@@ -119,13 +119,12 @@ class Flow:
         ``M v_m``.
     """
 
-    def __init__(
-        self, parts: SeparateParts, dq: Array, p0: Array, y0: Array, h: float, chi: float
-    ) -> None:
+    def __init__(self, parts: SeparateParts, dq: Array, p0: Array, y0: Array, h: float, chi: float):
         self.parts, self.dq, self.y0, self.h, self.chi = parts, dq, y0, h, chi
         self.mdq = parts.system.mass @ dq
         b = chi * p0 + self.mdq / h
-        self._total, self._lift = parts.total, parts.lift[:, None]
+        self._total = parts.total
+        self._lift = parts.lift[:, None]
         self._free = parts.free[:, None]
         self._drift = self._free * self._origins(self.mdq) / h
         self._mean = self._free * self._origins(b)
@@ -144,7 +143,8 @@ class Flow:
         A part whose relative motion is rounding, as at the first guess of a step, is not turned at
         all, nor is its way on from there, and nothing it does changes the others.
         """
-        parts, rest = self.parts, self._rest
+        parts = self.parts
+        rest = self._rest
         # products with what is common to all positions cancel
         shift = self._free * parts.sum(parts.mu[:, None] * self.dq) / self._total[:, None]
         dq = self.dq - parts.ones[:, None] * shift[parts.part]
@@ -155,12 +155,11 @@ class Flow:
         noise = FLOW_NOISE * parts.sum(_lengths(self.y0) * _lengths(rest + common))
         moves = size > FLOW_CLOSED / FLOW_NOISE * noise
         size = np.where(size + noise > 0, size + noise, 1.0)
-        straight = np.trace(K, axis1=1, axis2=2)[:, None, None] * np.eye(3) - K.swapaxes(1, 2)
+        straight = K.trace(axis1=1, axis2=2)[:, None, None] * np.eye(3) - K.swapaxes(1, 2)
         N = straight + (FLOW_REGULAR * size + noise)[:, None, None] * np.eye(3)
 
         def gap(s: Array) -> Array:
-            turned = (K @ s[:, :, None])[:, :, 0]
-            return k + (straight @ s[:, :, None])[:, :, 0] + cross(turned, s)
+            return k + (straight @ s[:, :, None])[:, :, 0] + cross((K @ s[:, :, None])[:, :, 0], s)
 
         def slope(s: Array) -> Array:
             return N - skew(s) @ K + skew((K @ s[:, :, None])[:, :, 0])
@@ -216,9 +215,10 @@ class Flow:
         free = mine * parts.free[:, None]
         straight = np.einsum("kr,kci->kirc", free * parts.lift, unit - self.A) * (2 / self.h)
         bent = 2 * np.einsum("kr,rd,kicd->kirc", mine, self._rest, dA)
-        U = np.concatenate([straight, bent], axis=1).reshape(-1, len(part), 3)
-        lines, turns = free[:, None, :, None] * parts.mu[:, None] * unit[:, None], Q.swapaxes(0, 1)
-        V = np.concatenate([lines, mine[:, None, :, None] * turns], axis=1).reshape(U.shape)
+        U = np.concatenate([straight, bent], 1).reshape(-1, len(part), 3)
+        lines = free[:, None, :, None] * parts.mu[:, None] * unit[:, None]
+        turns = Q.swapaxes(0, 1)
+        V = np.concatenate([lines, mine[:, None, :, None] * turns], 1).reshape(U.shape)
         used = (abs(U).max((1, 2), initial=0.0) > 0) & (abs(V).max((1, 2), initial=0.0) > 0)
         return U[used], V[used]
 
@@ -254,7 +254,8 @@ class DecayingBalance(StepBalance):
     def tangent(self, step: StepData, evaluation: Evaluation) -> list[Blocks]:
         """Blocks of the tangent, with ``2 A/h`` in place of ``2/h`` for the inertia."""
         assert isinstance(evaluation, _WithFlow)
-        blocks, flow = super().tangent(step, evaluation), evaluation.flow
+        blocks = super().tangent(step, evaluation)
+        flow = evaluation.flow
         # 2 A/h takes the place of 2/h
         more = (2 / self.h) * (flow.A - np.eye(3))
         part = flow.parts.part
@@ -282,10 +283,12 @@ class DecayingBalance(StepBalance):
         """Work of a solved step, with the energy that the extra velocity takes."""
         assert isinstance(evaluation, _WithFlow)
         assert step.rates0 is not None
-        done, flow = super().work(step, evaluation), evaluation.flow
+        done = super().work(step, evaluation)
+        flow = evaluation.flow
         f = flow.dq / self.h - flow.velocity(step.rates0[0])
         lost = 2 * float((f * (flow.momentum - step.p0)).sum())
-        whole, own = done.dissipated + lost, done.numerical + lost
+        whole = done.dissipated + lost
+        own = done.numerical + lost
         return done._replace(dissipated=whole, numerical=own)
 
 
@@ -358,7 +361,7 @@ class EnergyDecaying(EnergyMomentum):
         rate: float | None = None,
         velocity: bool = True,
         stabilized: bool = False,
-    ) -> None:
+    ):
         if chi is not None and rate is not None:
             raise InputError("argument chi", f"{chi!r} and rate = {rate!r}, expected one of them")
         if rate is not None:

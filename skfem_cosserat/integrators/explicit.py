@@ -37,6 +37,7 @@ from ..model import Model, System, system_of
 from ..model.balance import Amplitudes, external_force
 from ..model.force_elements import CoupledForce, CoupledStart
 from ..model.groups import BeamGroup
+from ..pattern import dense_blocks
 from ..types import SAME, TOLERANCE, Array, Floats, IndexArray, largest, switch, whole
 from ..warn import logger, warn
 from .base import Integrator
@@ -95,8 +96,9 @@ class Bodies:
         out is put half before and half after (of second order, symplectic and symmetric). L about
         the centre of mass stays as it is.
         """
-        x = y.take(self.rows, axis=0)
-        P, spin = m[self.number, 0], m[self.number, 1]
+        x = y.take(self.rows, 0)
+        P = m[self.number, 0]
+        spin = m[self.number, 1]
         arm = (self.centre[:, None] @ x[:, 1:])[:, 0]
         spin = spin - cross(arm, P)
         x[:, 0] += arm + (dt / self.matrix[:, 0, :1]) * P
@@ -115,7 +117,8 @@ class Bodies:
         for axis, rates in ((1, rest), (2, along), (1, rest)):
             angles = np.outer(rates * spin[:, axis, 0], np.eye(3)[axis])
             each = rotation_matrix(exp_quaternion(-angles))
-            spin, turn = each @ spin, each @ turn
+            spin = each @ spin
+            turn = each @ turn
         return turn
 
     def by_twists(self, y: Floats) -> tuple[Floats, Floats]:
@@ -142,11 +145,12 @@ class Joints:
         The k nodes that they hold.
     """
 
-    def __init__(self, system: System, bodies: Bodies) -> None:
-        self._constraints, first = system.constraints, system.internal
-        ends = np.array([(jr.a.vertex, jr.b.vertex) for jr in system.joint_rows], dtype=np.int64)
+    def __init__(self, system: System, bodies: Bodies):
+        self._constraints = system.constraints
+        first = system.internal
+        ends = np.array([(jr.a.vertex, jr.b.vertex) for jr in system.joint_rows], np.int64)
         self.bodies = bodies.taken(np.intersect1d(ends, bodies.number))
-        place = np.zeros(system.total + 1, dtype=np.int64)
+        place = np.zeros(system.total + 1, np.int64)
         place[self.bodies.rows] = np.arange(self.bodies.rows.size).reshape(-1, 4)
         lengths = np.zeros((system.total, 3))
         lengths[:, 0] = 1.0
@@ -186,7 +190,8 @@ class Joints:
 
         With impulses along the gradients at the start.
         """
-        rows, v = self.bodies.rows, self.bodies.number
+        rows = self.bodies.rows
+        v = self.bodies.number
         G, _, impulses = self._gradients(y)
         places, begin, last = y[rows], m[v], np.inf
         impulse = np.zeros(len(self._size))
@@ -225,16 +230,18 @@ class Nodes:
         Smallest principal moment, relative to the largest one; one for points.
     """
 
-    def __init__(self, system: System) -> None:
-        framed, count = system.is_frame, len(system.origin_rows)
+    def __init__(self, system: System):
+        framed = system.is_frame
+        count = len(system.origin_rows)
         rows = np.full((count, 4), system.total)
         rows[:, 0] = system.origin_rows
         rows[framed] = system.origin_rows[framed, None] + np.arange(4)
-        self._framed, mass = rows[framed], system.mass.tocsr(copy=True)
+        self._framed = rows[framed]
+        mass = system.mass.tocsr(copy=True)
         mass.resize(system.total + 1, system.total + 1)
-        i, j = np.broadcast_arrays(rows[:, :, None], rows[:, None])
-        matrix = np.asarray(mass[i.ravel(), j.ravel()]).reshape(i.shape)
-        whole, centre = matrix[:, 0, 0], matrix[:, 0, 1:] / matrix[:, :1, 0]
+        matrix = dense_blocks(mass, rows)
+        whole = matrix[:, 0, 0]
+        centre = matrix[:, 0, 1:] / matrix[:, :1, 0]
         euler = matrix[:, 1:, 1:] - whole[:, None, None] * centre[:, :, None] * centre[:, None]
         inertia = np.trace(euler, axis1=1, axis2=2)[:, None, None] * np.eye(3) - euler
         moments, axes = np.linalg.eigh(inertia)
@@ -267,8 +274,8 @@ class Nodes:
         """P and L (nv, 2, 3) of director momenta (rows, 3): all of them that moves rigid nodes."""
         every = np.zeros_like(y)
         every[: len(f)] = f
-        own, rows = every[self.bodies.rows], self.bodies.rows
-        own[:, 1] = director_force(y[rows[:, 1:]], own[:, 1:])
+        own = every[self.bodies.rows]
+        own[:, 1] = director_force(y[self.bodies.rows[:, 1:]], own[:, 1:])
         return own[:, :2]
 
     def velocities(self, y: Floats) -> Callable[[Floats], Floats]:
@@ -278,8 +285,7 @@ class Nodes:
         def rates(m: Floats) -> Floats:
             out = np.zeros_like(y)
             # times the inverse would lose a little in each step, always the same way
-            twists = np.linalg.solve(M, m.reshape(-1, 6, 1))
-            out[self.bodies.rows] = (P @ twists).reshape(-1, 4, 3)
+            out[self.bodies.rows] = (P @ np.linalg.solve(M, m.reshape(-1, 6, 1))).reshape(-1, 4, 3)
             return out
 
         return rates
@@ -373,7 +379,7 @@ class LimitWatch:
         about some axis.
     """
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System):
         check_lumped(LIMIT, system)
         self.system = system
         coupled = bool(system.couplings.count) or system.drag is not None
@@ -458,7 +464,7 @@ class LimitWatch:
 def _circles(matrix: csr_matrix) -> Floats:
     """Bounds (k,) with ``x . A x <= sum_k bound_k |x_k|^2`` of symmetric blocks of six rows."""
     blocks = (0.5 * (matrix + matrix.T)).tobsr((6, 6))
-    rows = np.repeat(np.arange(matrix.shape[0] // 6), np.diff(blocks.indptr))
+    rows = np.arange(matrix.shape[0] // 6).repeat(np.diff(blocks.indptr))
     radii = np.linalg.norm(blocks.data, 2, (1, 2))
     return np.asarray(1.0 * np.bincount(rows, radii, matrix.shape[0] // 6))
 
@@ -475,23 +481,24 @@ def _by_twist(group: BeamGroup, y: Array) -> tuple[BeamElements, Floats, Floats,
 
     Twists are velocities and angular velocities of the nodes, k = 6 nn.
     """
-    q, elements = y[group.rows].reshape(len(group.rows), -1), group.elements
+    q = y[group.rows].reshape(len(group.rows), -1)
+    elements = group.elements
     eps, B = beam_strain(elements, q)
     P = null_space_blocks(q.reshape(len(q), -1, 4, 3)[:, :, 1:])
     M = P.transpose(0, 2, 1) @ group.mass @ P
-    return elements, eps, B @ P, np.asarray(np.linalg.cholesky(M), dtype=float)
+    return elements, eps, B @ P, np.asarray(np.linalg.cholesky(M), float)
 
 
 def _reduced(weighted: Floats, B: Floats, root: Floats) -> Floats:
     """``L^-1 (int B^T D B ds) L^-T`` (ne, k, k)."""
-    half = np.linalg.solve(root, bilinear(weighted, B, B))
-    return np.linalg.solve(root, half.transpose(0, 2, 1))
+    return np.linalg.solve(root, np.linalg.solve(root, bilinear(weighted, B, B)).transpose(0, 2, 1))
 
 
 def _rates(group: BeamGroup, y: Array) -> Floats:
     """Squares of the highest frequencies and rates of decay (2, ne) of elements."""
     elements, eps, B, root = _by_twist(group, y)
-    out, moduli = np.zeros((2, len(eps))), beam_moduli(elements, eps)
+    out = np.zeros((2, len(eps)))
+    moduli = beam_moduli(elements, eps)
     for rates, weighted in zip(out, (moduli, elements.weighted_viscosity), strict=True):
         if weighted is not None:
             rates[:] = np.linalg.eigvalsh(_reduced(weighted, B, root))[:, -1].clip(0)
@@ -531,10 +538,8 @@ def _refused(system: System, treatment: Treatment) -> Iterator[tuple[str, str]]:
         yield repr(system.plane), "explicit steps move all nodes in space: freeze it without"
     for item in system.structures:
         if is_beam(item) and item.theory.held:
-            said = f"the {item.theory!r} of {item.label}"
-            yield said, "strains are held by implicit steps only"
-    moving = [drive.label for drive in system.drives] + ["moving ground"] * bool(system.moving)
-    for label in moving:
+            yield f"the {item.theory!r} of {item.label}", "strains are held by implicit steps only"
+    for label in [drive.label for drive in system.drives] + ["moving ground"] * bool(system.moving):
         yield label, "motion is not prescribed in explicit steps"
     if len(system.closure.rows):
         names = sorted(system.redundancies()) or ["a closed loop of joints"]
@@ -591,7 +596,7 @@ class Marching:
         Whether there have been more of them since the start.
     """
 
-    def __init__(self, scheme: Explicit, system: System, h: float, watch: LimitWatch) -> None:
+    def __init__(self, scheme: Explicit, system: System, h: float, watch: LimitWatch):
         self.system, self.h, self.method = system, h, f"explicit, limit {watch.smallest}"
         self._scheme, self._watch, self.nodes = scheme, watch, Nodes(system)
         self.shortened = False
@@ -607,8 +612,7 @@ class Marching:
         """Take as many rounds as the limits ask for; whether there are others than before."""
         rounds = self._scheme.rounds
         if self._scheme.checked:
-            limit = self._watch.smallest.seconds
-            rounds = max(rounds, int(np.ceil(self.h / limit * (1 - NEAR))))
+            rounds = max(rounds, int(np.ceil(self.h / self._watch.smallest.seconds * (1 - NEAR))))
         if rounds == self.rounds:
             return False
         self.rounds = rounds
@@ -659,7 +663,8 @@ class Marching:
         if self._last is not None and self._last[0] is state.q and self._last[1] is state.p:
             elements = self._last[2]
         for k in range(self.rounds):
-            t0, y0 = state.time + k * h, y[:-1].copy()
+            t0 = state.time + k * h
+            y0 = y[:-1].copy()
             loads = Amplitudes(system.loading.averages(t0, t0 + h), np.zeros(0))
             start = couplings.begin(y0, turns, t0, h) if couplings.count else None
             rates = self._velocities(y)(m)
@@ -668,7 +673,8 @@ class Marching:
             m += 0.5 * h * self.nodes.momenta(y, first.force)
             drifts = self.nodes.drift(y, m, h)
             last, kicks = self._kick(y, m, h, loads, start)
-            elements, iterations = last.elements, max(iterations, drifts, kicks)
+            elements = last.elements
+            iterations = max(iterations, drifts, kicks)
             moved = float(((first.loads + last.loads) * (y[:rows] - y0[:rows])).sum())
             works.append(StepWork(0.5 * moved, dissipated=0.5 * h * (first.power + last.power)))
             if start is not None and first.coupled is not None and last.coupled is not None:
@@ -681,7 +687,7 @@ class Marching:
         new = State(time, state.index + 1, y[:rows].flatten(), p, fresh=False, turns=turns)
         assert elements is not None
         self._last = new.q, new.p, elements
-        return new, StepWork(*np.sum(works, axis=0).tolist()), iterations
+        return new, StepWork(*np.sum(works, 0).tolist()), iterations
 
     def _elements(self, y: Floats) -> Callable[[Floats], tuple[Floats, float]]:
         """Forces (rows, 3) of elements by the rates of all rows, and the power that they lose."""
@@ -690,7 +696,8 @@ class Marching:
         elastic = [group.stress(eps) for group, eps, _ in strains]
 
         def at(rates: Floats) -> tuple[Floats, float]:
-            stresses, power = list(elastic), 0.0
+            stresses = list(elastic)
+            power = 0.0
             for k, (group, _, B) in enumerate(strains):
                 if group.viscous:
                     rate = group.strain_rate(B, rates)
@@ -711,7 +718,8 @@ class Marching:
         """All forces at an end of a round, loads by their means over it."""
         system, (internal, power), coupled = self.system, elements, None
         loads = external_force(system, y[:-1], amplitudes)
-        force, v = internal + loads, rates[: system.rows]
+        force = internal + loads
+        v = rates[: system.rows]
         if start is not None:
             coupled = system.couplings.static(start, y[:-1], rates[:-1])
             force = force - coupled.force[: system.rows]
@@ -731,7 +739,8 @@ class Marching:
         self, y: Floats, m: Floats, h: float, loads: Amplitudes, start: CoupledStart | None
     ) -> tuple[Ends, int]:
         """Kick by one half, in place, such that the velocity is that after it."""
-        elements, velocities = self._elements(y), self._velocities(y)
+        elements = self._elements(y)
+        velocities = self._velocities(y)
 
         def kicked(at: Floats) -> tuple[Ends, Floats]:
             rates = velocities(at)
@@ -742,7 +751,8 @@ class Marching:
         if not self._viscous:
             m[:] = after
             return ends, 0
-        project, last = self.nodes.projection(y), np.inf
+        project = self.nodes.projection(y)
+        last = np.inf
         for k in range(1, ITERATIONS + 1):
             project(after)
             ends, new = kicked(after)
@@ -754,7 +764,8 @@ class Marching:
             if left <= SAME or 0.5 * last < left <= TOLERANCE:
                 m[:] = after + change
                 return ends, k
-            after, last = after + self._relaxed * change, left
+            after = after + self._relaxed * change
+            last = left
         raise Unclosed("the velocity that dampers leave after a kick was not found", last)
 
 
@@ -830,7 +841,7 @@ class Explicit(Integrator):
     advice = "a step below the limit"
     conserves = "symplectic form, momentum maps; energy oscillates within a bound"
 
-    def __init__(self, rounds: int = 1, checked: bool = True) -> None:
+    def __init__(self, rounds: int = 1, checked: bool = True):
         self.rounds = whole("argument rounds", rounds, 1)
         self.checked = switch("argument checked", checked)
 
@@ -865,11 +876,10 @@ class Explicit(Integrator):
         watch = LimitWatch(system)
         limit = watch.smallest
         if self.checked and h / self.rounds > limit.seconds:
-            least = int(np.ceil(h / limit.seconds))
             raise InputError(
                 "argument step",
                 f"{h:g} s in {self.rounds} rounds is above the limit of the explicit scheme,"
-                f" {limit}: at least rounds={least}, or a smaller step",
+                f" {limit}: at least rounds={int(np.ceil(h / limit.seconds))}, or a smaller step",
             )
         logger.info("explicit steps of %.3g s, limit %s", h / self.rounds, limit)
         return Marching(self, system, h, watch)

@@ -74,14 +74,15 @@ class GeneralizedAlpha(Integrator):
     advice = "a smaller rho_inf"
     conserves = "nothing exactly"
 
-    def __init__(self, rho_inf: float = 0.8, stabilized: bool = True) -> None:
+    def __init__(self, rho_inf: float = 0.8, stabilized: bool = True):
         expected = "a number in [0, 1)"
         self.rho_inf = real("argument rho_inf", "rho_inf", rho_inf, expected)
         if not 0 <= self.rho_inf < 1:
             raise InputError("argument rho_inf", f"{rho_inf!r}, expected {expected}")
         self.stabilized = switch("argument stabilized", stabilized)
         r = self.rho_inf
-        self.alpha_m, self.alpha_f = (2 * r - 1) / (r + 1), r / (r + 1)
+        self.alpha_m = (2 * r - 1) / (r + 1)
+        self.alpha_f = r / (r + 1)
         self.gamma = 0.5 + self.alpha_f - self.alpha_m
         self.beta = 0.25 * (self.gamma + 0.5) ** 2
         if not stabilized:
@@ -108,9 +109,14 @@ class GeneralizedAlpha(Integrator):
         table = [v, a, alpha]
         if self.stabilized:
             table = [np.append(row, 0.0) for row in (v, a, alpha, v)]
-        v, a = table[0], table[1]
+        v = table[0]
+        a = table[1]
         own = Scheme(
-            *(h * a[0], 0.0, h, 1.0, v[0]),
+            h * a[0],
+            0.0,
+            h,
+            1.0,
+            v[0],
             at=1.0,
             before=tuple(-h * a[1:]),
             rates=tuple(v[1:]),
@@ -119,8 +125,7 @@ class GeneralizedAlpha(Integrator):
         if not self.stabilized:
             return own
         turn = (1 - am) / (1 - af) / (g * h)
-        moved = (1.0, turn, 1 / (g * h), 0.0)
-        return replace(own, moved=moved, moved_force=h * turn, found_with=3)
+        return replace(own, moved=(1.0, turn, 1 / (g * h), 0.0), moved_force=h * turn, found_with=3)
 
     def start(self, system: System, state: State, h: float) -> Floats:
         """Rates that the state carries on, for this step size; else consistent accelerations."""
@@ -138,7 +143,8 @@ class GeneralizedAlpha(Integrator):
 
     def _rates(self, system: System, state: State, h: float) -> Floats:
         """v, a, and the acceleration ``(alpha_f - alpha_m) h`` earlier, at a start (3, n)."""
-        q, t = state.q, state.time
+        q = state.q
+        t = state.time
         y = system.extend(q, t)
         v = nearest_velocity(system, y, state.p, t)
         a = accelerations(system, q, v, t, state.turns)[0]
@@ -146,7 +152,8 @@ class GeneralizedAlpha(Integrator):
         later = q + s * v + 0.5 * s**2 * a, v + s * a, t + s
         change = (accelerations(system, *later, state.turns)[0] - a) / s
         # where the step does not resolve it, no more than velocities that are there
-        there, more = self._size(system, v) + h * self._size(system, a), self._size(system, change)
+        there = self._size(system, v) + h * self._size(system, a)
+        more = self._size(system, change)
         if 0 < there < h**2 * more:
             change = change * (there / (h**2 * more))
         early = self.alpha_m - self.alpha_f

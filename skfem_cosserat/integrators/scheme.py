@@ -32,7 +32,7 @@ class StepOrigin:
 
 
 @checked
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class State:
     """A state of a system between two steps.
 
@@ -220,8 +220,8 @@ class Scheme:
         return self.weight != 0 or bool(self.moved)
 
 
-def carried_rates(rates: Floats | None, count: int | None = None) -> dict[str, Floats]:
-    """Rates (count, ...), or one after the other, as a state carries them; empty: none."""
+def carried_rates(rates: Floats | None) -> dict[str, Floats]:
+    """Rates (count, ...) as a state carries them; empty: none."""
     if rates is None or not len(rates):
         return {}
-    return {"rates": rates.reshape(len(rates) if count is None else count, -1).copy()}
+    return {"rates": rates.reshape(len(rates), -1).copy()}

@@ -157,7 +157,7 @@ class StepBalance:
         Step size (s).
     """
 
-    def __init__(self, system: System, integrator: Integrator, h: float) -> None:
+    def __init__(self, system: System, integrator: Integrator, h: float):
         scheme = integrator.scheme(h)
         if scheme is None:
             raise IncompatibleError(f"{integrator!r}", "it has neither a scheme nor a balance")
@@ -175,26 +175,31 @@ class StepBalance:
         """
         s, system, h = self.scheme, self.system, self.h
         y0 = system.extend(state.q, state.time)
-        p0, rates0 = state.p.reshape(-1, 3), self.integrator.start(system, state, h)
+        p0 = state.p.reshape(-1, 3)
+        rates0 = self.integrator.start(system, state, h)
         end = state.time + h if end is None else end
         amplitudes, ground_rate, couplings = self._acting(state, y0, end)
         dead = system.loading.dead_force(amplitudes)
-        given, size = s.momentum * p0, largest(p0)
+        given = s.momentum * p0
+        size = largest(p0)
         if s.before:
             assert rates0 is not None
             own = system.inertia.dot(np.tensordot(s.before, rates0, 1))
-            given, size = given + own, largest(own)
+            given = given + own
+            size = largest(own)
         if system.loading.dead_only:
             given = given + s.force * dead
         step = StepData(
-            *(s, state, h, y0, p0, rates0, ground_rate, amplitudes, dead, couplings, given, size)
+            s, state, h, y0, p0, rates0, ground_rate, amplitudes, dead, couplings, given, size
         )
         if s.ends:
             if before is None:
                 both = [g.strain(y0) for g in system.beam_groups]
-                step.strains0, step.Bs0 = [eps for eps, _ in both], [B for _, B in both]
+                step.strains0 = [eps for eps, _ in both]
+                step.Bs0 = [B for _, B in both]
             else:
-                step.strains0, step.Bs0 = before.strains, before.B1s
+                step.strains0 = before.strains
+                step.Bs0 = before.B1s
             beams = zip(system.beam_groups, step.strains0, strict=True)
             step.stresses0 = [g.stress(eps) for g, eps in beams]
         return step
@@ -203,7 +208,8 @@ class StepBalance:
         self, state: State, y0: Floats, t1: float
     ) -> tuple[Floats, Floats, CoupledStart | None]:
         """Factors of the loads, rates of the ground, and force elements at the start."""
-        system, t0 = self.system, state.time
+        system = self.system
+        t0 = state.time
         elements = system.couplings if system.couplings.count else None
         if self.scheme.at_end:
             at_end = amplitudes_at(system, t1)
@@ -226,7 +232,8 @@ class StepBalance:
         inertia = s.mass * system.inertia.dot(dq)
         strained = y1 if s.ends else y
         strains1 = [g.strain(strained) for g in system.beam_groups]
-        strains, B1s = [eps for eps, _ in strains1], [B for _, B in strains1]
+        strains = [eps for eps, _ in strains1]
+        B1s = [B for _, B in strains1]
         # B is linear in q
         Bs = [mean(B0, B1) for B0, B1 in zip(step.Bs0, B1s, strict=True)] if s.ends else B1s
         groups = enumerate(zip(system.beam_groups, strains, strict=True))
@@ -249,7 +256,8 @@ class StepBalance:
             own = system.couplings, s, step.couplings
             coupled = forces_of(*own, y, y1, y if velocity is None else velocity)
             forces = forces + coupled.force[:rows]
-        external, internal = step.dead, forces
+        external = step.dead
+        internal = forces
         if not system.loading.dead_only:
             external = step.dead + system.loading.force(y[:rows], step.amplitudes)
         forces = internal - external
@@ -289,7 +297,8 @@ class StepBalance:
         Without what :meth:`border` gives.
         """
         s, system, e = self.scheme, self.system, evaluation
-        material, geometric = s.force * self._share, s.force * s.at
+        material = s.force * self._share
+        geometric = s.force * s.at
         parts = []
         for k, g in enumerate(system.beam_groups):
             D = self.moduli(step, e, k)
@@ -317,15 +326,18 @@ class StepBalance:
 
         Twice that where S is a discrete derivative between both ends.
         """
-        g, eps = self.system.beam_groups[k], evaluation.strains[k]
+        g = self.system.beam_groups[k]
+        eps = evaluation.strains[k]
         if not self.scheme.ends:
             return g.moduli(eps)
-        D, chi = g.discrete_moduli(step.strains0[k], eps), self.scheme.decay
+        D = g.discrete_moduli(step.strains0[k], eps)
+        chi = self.scheme.decay
         return D + chi * g.elements.weighted_stiffness if chi else D
 
     def _add_damping(self, e: Evaluation, blocks: list[Array]) -> None:
         """Add what viscous sections and drag contribute to the groups' blocks."""
-        s, system = self.scheme, self.system
+        s = self.scheme
+        system = self.system
         for k, g in enumerate(system.beam_groups):
             if g.viscous:
                 blocks[k] += s.force * g.damping(e.Bs[k], self._rate_slope(e, k))
@@ -336,7 +348,8 @@ class StepBalance:
 
     def _rate_slope(self, e: Evaluation, k: int) -> Array:
         """Derivative of the strain rates ``B(y) v`` of beam group k: B is linear in y."""
-        s, g = self.scheme, self.system.beam_groups[k]
+        s = self.scheme
+        g = self.system.beam_groups[k]
         assert e.velocity is not None
         return s.rate * e.Bs[k] + s.at * g.strain(e.velocity)[1]
 
@@ -349,7 +362,8 @@ class StepBalance:
 
     def predicted(self, step: StepData, evaluation: Evaluation, change: Array) -> list[Array]:
         """Stresses that a change (rows, 3) of q_1 predicts, to first order."""
-        e, out = evaluation, []
+        e = evaluation
+        out = []
         for k, g in enumerate(self.system.beam_groups):
             D = self.moduli(step, e, k)
             S = e.stresses[k] + self._share * g.linear_stress(D, g.strain_rate(e.B1s[k], change))
@@ -368,11 +382,12 @@ class StepBalance:
 
     def finish(self, step: StepData, evaluation: Evaluation) -> Finished:
         """Momentum and rates that a solved step hands on, and the work along the way."""
-        s, e = self.scheme, evaluation
+        s = self.scheme
+        e = evaluation
         p = s.carry[0] * e.inertia + s.carry[1] * step.p0 + (s.carry[2] * s.force) * e.forces
         time = step.state.time + self.h
-        rates, work = self.rates(step, e), self.work(step, e)
-        return self.handed_on(e.y1, e.dq, p, step.rates0, rates, work, time)
+        rates = self.rates(step, e)
+        return self.handed_on(e.y1, e.dq, p, step.rates0, rates, self.work(step, e), time)
 
     def rates(self, step: StepData, evaluation: Evaluation) -> Floats | None:
         """Rates (k, rows, 3) at the end of the step, before velocities are moved."""
@@ -402,7 +417,8 @@ class StepBalance:
         rates0, rates : (k, rows, 3) array or None
             At both ends.
         """
-        s, system = self.scheme, self.system
+        s = self.scheme
+        system = self.system
         if s.before:
             assert rates is not None
             p = system.inertia.dot(rates[0])
@@ -419,7 +435,8 @@ class StepBalance:
             lost = 0.5 * float((rates[0] * p).sum() - (v * new).sum())
             if system.moving:  # what it does along the way counts as work of the motion
                 lost += float((change * dq).sum()) / self.h
-            whole, own = work.dissipated + lost, work.numerical + lost
+            whole = work.dissipated + lost
+            own = work.numerical + lost
             work = work._replace(dissipated=whole, numerical=own)
         rates = rates + np.array(s.moved)[:, None, None] * move
         return Finished(new, rates, -s.moved_force * change, work)
@@ -428,7 +445,8 @@ class StepBalance:
         """Work of the forces of a solved step along the way."""
         if self.scheme.at_end:
             return self._trapezoidal_work(step, evaluation)
-        e, system = evaluation, self.system
+        e = evaluation
+        system = self.system
         loads = float((e.external * e.dq).sum())
         lost = self.h * self._dissipated_power(e)
         chi = self.scheme.decay
@@ -437,7 +455,8 @@ class StepBalance:
         if step.couplings is None or e.coupled is None:
             return StepWork(loads, dissipated=lost, numerical=own)
         done = system.couplings.work(step.couplings, e.coupled, e.y1)
-        lost, own = lost + done.dissipated, own + done.numerical
+        lost = lost + done.dissipated
+        own = own + done.numerical
         return StepWork(loads + done.loads, done.actuators, lost, done.ground, own)
 
     def _dissipated_power(self, e: Evaluation) -> float:
@@ -465,9 +484,8 @@ class StepBalance:
         if step.couplings is None or e.coupled is None or start.coupled is None:
             return StepWork(loads, dissipated=lost)
         couplings = system.couplings
-        first = couplings.starting(step.y0, turns, at0.actuators, 1.0, t0)
-        starts, forces = (first, step.couplings), (start.coupled, e.coupled)
-        done = trapezoidal_work(couplings, starts, forces, e.y1, rows)
+        starts = (couplings.starting(step.y0, turns, at0.actuators, 1.0, t0), step.couplings)
+        done = trapezoidal_work(couplings, starts, (start.coupled, e.coupled), e.y1, rows)
         return done._replace(loads=loads + done.loads, dissipated=lost)
 
     def _damped_work(
@@ -482,7 +500,8 @@ class StepBalance:
 
         Motions that steps do not resolve change velocities at the ends by far more than the way.
         """
-        system, work = self.system, 0.0
+        system = self.system
+        work = 0.0
         if velocity is None:
             return work
         for g, B, change in zip(system.beam_groups, Bs, strained, strict=True):
@@ -506,9 +525,11 @@ class StepBalance:
         """
         if not self.scheme.at_end:
             return None
-        system, rates = self.system, self.integrator.start(self.system, state, self.h)
+        system = self.system
+        rates = self.integrator.start(self.system, state, self.h)
         assert rates is not None
-        y, t = system.extend(state.q, state.time), state.time
+        y = system.extend(state.q, state.time)
+        t = state.time
         # the velocity with which forces were found, before it was moved
         if state.rates is None:
             v = nearest_velocity(system, y, state.p, t).reshape(-1, 3)

@@ -46,9 +46,11 @@ class StepProblem:
 
     def __init__(
         self, balance: StepBalance, treatment: BoundTreatment, step: StepData, mixed: float
-    ) -> None:
-        self.balance, self.system = balance, balance.system
-        self.treatment, self.step = treatment, step
+    ):
+        self.balance = balance
+        self.system = balance.system
+        self.treatment = treatment
+        self.step = step
         self.evaluation: Evaluation | None = None
         self._mixed = mixed
         self._stresses: list[Array] | None = None
@@ -76,7 +78,8 @@ class StepProblem:
 
     def _updated(self, direction: Floats, U: Array, V: Array) -> Floats:
         """Direction of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)."""
-        treatment, y = self.treatment, self.y1
+        treatment = self.treatment
+        y = self.y1
         columns = [treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U]
         moved = [treatment.displacement(x, y) for x in (*columns, direction)]
         products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
@@ -217,7 +220,7 @@ class Stepper:
         steps: int | None = None,
         solver: Solver | None = None,
         announce: Callable[[str], object] | None = None,
-    ) -> None:
+    ):
         system = system_of(system)
         _check_methods(integrator, treatment)
         if steps is not None:
@@ -246,7 +249,8 @@ class Stepper:
         self.bound: BoundTreatment = treatment.bind(system, integrator.single.constraint_weight)
         if solver is not None:
             self.bound.solve_with(solver)
-        self._first, self._warned = True, False
+        self._first = True
+        self._warned = False
         self._left_in_a_row = 0
         self._end: tuple[Floats, Evaluation] | None = None  # of the last step: q, what was found
         self.choice = choose_kernels(kernels, system, integrator, treatment, steps, solver)
@@ -341,8 +345,7 @@ class Stepper:
             a line search. If prescribed motion has reached a dead point of a closed loop, or
             contradicts another one around it, the reason says so.
         """
-        report: StepReport = self.advance_block(state, 1, time, h)[0]
-        return report
+        return self.advance_block(state, 1, time, h)[0]
 
     def _step(self, state: State, time: float, h: float) -> Block:
         origin = StepOrigin(self.integrator.name, h)
@@ -358,7 +361,8 @@ class Stepper:
                     f"{self.integrator!r} with another step", "its steps are fixed"
                 )
             new, iterations, residual, work = self._march.advance(state, time)
-            new, impulse = replace(new, made_by=origin), np.zeros(self.system.n)
+            new = replace(new, made_by=origin)
+            impulse = np.zeros(self.system.n)
             steps = self.system, self.integrator, state, new, h, self.system.ground(time), impulse
             return Block.of_one(*steps, work, iterations, 1, residual, by_motion=True)
         step = self._compose if self.integrator.shares else self.attempts
@@ -452,14 +456,15 @@ class Stepper:
         due = fast is not None and fast.looped and fast.due(state, self.bound)
         if fast is not None and not (due or state.plain) and self.bound.regular:
             most = min(steps, fast.most)
-            times = np.asarray(ends(state.index + np.arange(1, most + 1)), dtype=float)
+            times = np.asarray(ends(state.index + np.arange(1, most + 1)), float)
             if self.system.moving:
                 pairs = enumerate(pairwise([state.time, *times.tolist()]))
                 times = times[: next((k for k, pair in pairs if self._ends_block(*pair)), None)]
             if len(times):
                 block = fast.advance(state, times, StepOrigin(self.integrator.name, h))
                 if block is not None:
-                    self._first, self._left_in_a_row = False, 0
+                    self._first = False
+                    self._left_in_a_row = 0
                     return block
                 state = replace(state, plain=True)
         return self._step(state, float(ends(state.index + 1)), h)
@@ -510,7 +515,8 @@ class Stepper:
         Compiled kernels come first. Where they do not converge, or a singular position is near, the
         general way begins in four ways, until a solution is one that the motion leads to.
         """
-        of, step = self._sized(h), None
+        of = self._sized(h)
+        step = None
         fast = of.fast
         if fast is not None:
             if fast.looped and fast.due(state, self.bound):
@@ -520,10 +526,12 @@ class Stepper:
                 block = fast.advance(state, np.array([time]), origin)
                 if block is not None:
                     # by their terms: far below what is broken by the size of the joints
-                    missed, residual = fast.missed > 1e-4 * BROKEN, float(block.residual[0])
+                    missed = fast.missed > 1e-4 * BROKEN
+                    residual = float(block.residual[0])
                     if missed and (wrong := self._contradiction(state, h, fast.y1, residual)):
                         return wrong
-                    self._first, self._left_in_a_row = False, 0
+                    self._first = False
+                    self._left_in_a_row = 0
                     return block
             # the general way tries again from there
             of.last = None if fast.last is None else (h, fast.last)
@@ -551,7 +559,11 @@ class Stepper:
                 best = report
             logger.info(
                 "step %d from t = %.6g s, attempt %d of %d: %s",
-                *(state.index + 1, state.time, attempt, len(ATTEMPTS), report.reason),
+                state.index + 1,
+                state.time,
+                attempt,
+                len(ATTEMPTS),
+                report.reason,
             )
         assert best is not None
         effort = f"{len(ATTEMPTS)} attempts with {total} Newton iterations"
@@ -656,7 +668,8 @@ class Stepper:
 
     def _turned(self, step: StepData) -> str | None:
         """That a frame turns fast at the start of the step, where its velocity is known."""
-        system, state = self.system, step.state
+        system = self.system
+        state = step.state
         try:
             v = nearest_velocity(system, step.y0, state.p, state.time)
         except (SingularMatrixError, ArithmeticError, ValueError):
@@ -689,7 +702,8 @@ class Stepper:
     ) -> Block:
         step, evaluation, y1 = problem.step, problem.evaluation, problem.y1
         assert evaluation is not None
-        finished, state = of.balance.finish(step, evaluation), step.state
+        finished = of.balance.finish(step, evaluation)
+        state = step.state
         of.last = of.h, self.bound.moved
         if of.fast is not None:
             of.fast.resume(self.bound.moved)
@@ -697,7 +711,6 @@ class Stepper:
         impulse = self.bound.impulse(evaluation.R)
         if finished.impulse is not None:
             impulse = impulse + finished.impulse
-        rates = finished.rates
         new = State(
             time,
             state.index + 1,
@@ -707,13 +720,13 @@ class Stepper:
             turns=None
             if step.couplings is None
             else self.system.couplings.turns(step.couplings, y1, time),
-            carried=carried_rates(rates),
+            carried=carried_rates(finished.rates),
             made_by=origin,
         )
         self._end = y1[: self.system.rows].reshape(-1), evaluation
         steps = self.system, self.integrator.single, state, new, of.h
-        ground, counts = y1[self.system.rows :], (iterations, attempts, report.residual)
-        return Block.of_one(*steps, ground, impulse, finished.work, *counts)
+        counts = (iterations, attempts, report.residual)
+        return Block.of_one(*steps, y1[self.system.rows :], impulse, finished.work, *counts)
 
     def _count_left(self, state: State) -> None:
         """A step is left to plain numpy: say it where that costs much."""
@@ -753,7 +766,8 @@ class Stepper:
             report = self.advance(state)
         finally:
             of.fast = fast
-        step, bound = of.balance.begin(state), self.bound
+        step = of.balance.begin(state)
+        bound = self.bound
         problem = self.problem(step)
         problem.residual()
         assert problem.evaluation is not None

@@ -61,7 +61,7 @@ class Variational(Integrator):
     conserves = "symplectic form, linear and angular momentum"
     reference = "Leyendecker, Marsden & Ortiz, ZAMM 88 (2008) 677, equations (22) and (25)"
 
-    def __init__(self, stabilized: bool = False) -> None:
+    def __init__(self, stabilized: bool = False):
         self.stabilized = switch("argument stabilized", stabilized)
         if stabilized:
             self.name = "stabilized variational"
@@ -82,5 +82,4 @@ class Variational(Integrator):
         """Impulse by which the momentum was moved, if the scheme is stabilized, else None."""
         if not self.stabilized:
             return None
-        moved = np.zeros(system.n) if state.rates is None else state.rates
-        return moved.reshape(1, -1, 3)
+        return (np.zeros(system.n) if state.rates is None else state.rates).reshape(1, -1, 3)

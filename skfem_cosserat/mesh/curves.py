@@ -93,15 +93,16 @@ class CurveLine(Frozen):
     (2.0, [0.0, 0.5, 0.0])
     """
 
-    def __init__(self, start: VectorLike, end: VectorLike) -> None:
-        self.start, self.end = vector(start, "line start"), vector(end, "line end")
+    def __init__(self, start: VectorLike, end: VectorLike):
+        self.start = vector(start, "line start")
+        self.end = vector(end, "line end")
         self.length = float(np.linalg.norm(self.end - self.start))
         if self.length == 0.0:
             raise MeshError("line", f"start and end are the same point {self.start.tolist()}")
 
     def point(self, s: ArrayLike) -> Floats:
         """Points (3, ...) at arc lengths s (...), in m."""
-        w = np.asarray(s, dtype=float) / self.length
+        w = np.asarray(s, float) / self.length
         return np.multiply.outer(self.start, 1.0 - w) + np.multiply.outer(self.end, w)
 
     def tangent(self, s: ArrayLike) -> Floats:
@@ -117,12 +118,13 @@ class _Winding(Frozen):
 
     def _wind(self, radial: Floats, around: Floats, axis: Floats, rise: float) -> None:
         """Set the unit vectors from the axis to the first point, around it and along it."""
-        self._frame, self._rise = (radial, around, axis), rise
+        self._frame = (radial, around, axis)
+        self._rise = rise
         self._reach = float(np.hypot(self.radius, rise))  # for a turn of one rad
 
     def point(self, s: ArrayLike) -> Floats:
         """Points (3, ...) at arc lengths s (...), in m."""
-        turn = np.asarray(s, dtype=float) / self._reach
+        turn = np.asarray(s, float) / self._reach
         radial, around, axis = self._frame
         along = np.multiply.outer(around, self.radius * np.sin(turn))
         inward = np.multiply.outer(radial, -2.0 * self.radius * np.sin(0.5 * turn) ** 2)
@@ -131,9 +133,10 @@ class _Winding(Frozen):
 
     def tangent(self, s: ArrayLike) -> Floats:
         """Unit tangents (3, ...) at arc lengths s (...)."""
-        turn = np.asarray(s, dtype=float) / self._reach
+        turn = np.asarray(s, float) / self._reach
         radial, around, axis = self._frame
-        speed, rise = self.radius / self._reach, np.full(turn.shape, self._rise / self._reach)
+        speed = self.radius / self._reach
+        rise = np.full(turn.shape, self._rise / self._reach)
         return (
             np.multiply.outer(around, speed * np.cos(turn))
             + np.multiply.outer(radial, -speed * np.sin(turn))
@@ -177,7 +180,7 @@ class CurveArc(_Winding):
         normal: VectorLike,
         radius: float,
         angle: float,
-    ) -> None:
+    ):
         self.direction = _unit(tangent, "arc tangent")
         self.start = vector(start, "arc start")
         self.normal = _normal_to(normal, self.direction, "arc normal")
@@ -229,11 +232,12 @@ class CurveHelix(_Winding):
         axis: VectorLike,
         pitch: float,
         turns: float,
-    ) -> None:
+    ):
         self.start = vector(start, "helix start")
         self.axis = _unit(axis, "helix axis")
         self.centre = vector(centre, "helix centre")
-        self.pitch, self.turns = pitch, turns
+        self.pitch = pitch
+        self.turns = turns
         arm = self.start - self.centre
         arm = arm - (arm @ self.axis) * self.axis
         self.radius = float(np.linalg.norm(arm))
@@ -323,7 +327,7 @@ class CurveSpline(Frozen):
     (3.0, [2.0, 0.0, 0.0])
     """
 
-    def __init__(self, points: Any, closed: bool = False) -> None:
+    def __init__(self, points: Any, closed: bool = False):
         from scipy.interpolate import CubicSpline  # slow to import, seldom needed
 
         self.closed = switch("spline", closed, "closed")
@@ -333,7 +337,7 @@ class CurveSpline(Frozen):
                 "spline points", f"got shape {points.shape}, expected ({2 + closed} or more, 3)"
             )
         if not np.isfinite(points).all():
-            row = np.argmin(np.isfinite(points).all(axis=1))
+            row = np.argmin(np.isfinite(points).all(1))
             raise MeshError("spline points", f"point {row} is {points[row].tolist()}: not finite")
         path = np.vstack([points, points[:1]]) if closed else points
         chords = np.linalg.norm(np.diff(path, axis=0), axis=1)
@@ -347,18 +351,19 @@ class CurveSpline(Frozen):
 
     def _measure(self, u: Floats) -> None:
         """Tabulate the arc length, on intervals halved until it no longer changes."""
-        grid, arcs = u, self._arc(u[:-1], u[1:])
+        grid = u
+        arcs = self._arc(u[:-1], u[1:])
         pieces = 1
         while pieces < 256:
             finer = np.concatenate(
                 [np.stack([grid[:-1], 0.5 * (grid[:-1] + grid[1:])], 1).ravel(), u[-1:]]
             )
             halves = self._arc(finer[:-1], finer[1:])
-            change = np.abs(halves.reshape(-1, 2).sum(axis=1) - arcs).max()
+            change = abs(halves.reshape(-1, 2).sum(1) - arcs).max()
             grid, arcs, pieces = finer, halves, 2 * pieces
             if change <= 1e-15 * halves.sum():
                 break
-        s = np.concatenate([[0.0], np.cumsum(arcs)])
+        s = np.concatenate([[0.0], arcs.cumsum()])
         self._table = grid, s
         self.knots = s[::pieces].copy()
         self.length = float(s[-1])
@@ -370,14 +375,14 @@ class CurveSpline(Frozen):
 
     def _parameter(self, s: ArrayLike) -> Floats:
         """Spline parameters (...) at arc lengths s (...), by Newton's method."""
-        s = np.asarray(s, dtype=float)
+        s = np.asarray(s, float)
         grid, arcs = self._table
-        k = np.clip(np.searchsorted(arcs, s, side="right") - 1, 0, len(grid) - 2)
+        k = (np.searchsorted(arcs, s, side="right") - 1).clip(0, len(grid) - 2)
         u = grid[k] + (grid[k + 1] - grid[k]) * (s - arcs[k]) / (arcs[k + 1] - arcs[k])
         for _ in range(20):
             step = (s - arcs[k] - self._arc(grid[k], u)) / np.linalg.norm(self._rate(u), axis=-1)
             u = u + step
-            if np.abs(step).max(initial=0.0) <= 1e-15 * grid[-1]:
+            if abs(step).max(initial=0.0) <= 1e-15 * grid[-1]:
                 break
         return u
 

@@ -55,8 +55,7 @@ def _place(words: list[str]) -> list[float]:
 
 def _real(word: str) -> float:
     """A number as Fortran writes it, such as 1.5, 1.5D+3 or 1.5+3; nothing is zero."""
-    number = re.sub(r"(?<=[\d.])(?=[+-])", "E", word.upper().replace("D", "E"))
-    return float(number or "0")
+    return float(re.sub(r"(?<=[\d.])(?=[+-])", "E", word.upper().replace("D", "E")) or "0")
 
 
 @contextlib.contextmanager
@@ -143,7 +142,8 @@ def _add_keywords(file: Path, found: list[Keyword]) -> None:
         name, *words = head.split(",")
         pairs = [word.partition("=") for word in words]
         options = {"".join(key.upper().split()): text.strip(' "') for key, _, text in pairs}
-        name, head = " ".join(name.upper().strip("*").split()), ""
+        name = " ".join(name.upper().strip("*").split())
+        head = ""
         if name == "INCLUDE":
             _add_keywords(file.parent / options.get("INPUT", ""), found)
         else:
@@ -161,7 +161,8 @@ def read_abaqus(file: Path) -> Deck:
     if count["PART"] > 1 or count["INSTANCE"] > 1:
         text = f"{count['PART']} parts, {count['INSTANCE']} instances: each has nodes of its own"
         raise MeshError("*PART", f"{text}, and only one is read")
-    deck, steps = Deck(), False
+    deck = Deck()
+    steps = False
     for keyword in keywords:
         steps |= keyword.name == "STEP"
         if keyword.name in _READ:

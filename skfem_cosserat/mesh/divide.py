@@ -60,9 +60,9 @@ def divided(mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = 
     count = element_count(elements, "mesh")
     lines = []
     for run in _runs(mesh):
-        ends = np.append(0.0, np.cumsum(mesh.lengths[run]))
+        ends = np.append(0.0, mesh.lengths[run].cumsum())
         inside = [ends[e - run[0]] + xi * mesh.lengths[e] for e, xi in keep if e in run]
-        stops = np.unique(np.round(np.array([0.0, *inside, ends[-1]]) / ends[-1], 12)) * ends[-1]
+        stops = np.unique((np.array([0.0, *inside, ends[-1]]) / ends[-1]).round(12)) * ends[-1]
         lines.append((run, stops))
     counts = _counts(mesh, lines, count)
     points, chains, spans = [mesh.p], [], []
@@ -75,16 +75,16 @@ def divided(mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = 
         spans.append(np.stack([along[:-1], along[1:]]))
     # vertices are numbered along the lines
     used, first = np.unique(np.concatenate(chains), return_index=True)
-    used = used[np.argsort(first)]
-    every = np.concatenate(points, axis=1)
-    number = np.empty(every.shape[1], dtype=np.int64)
+    used = used[first.argsort()]
+    every = np.concatenate(points, 1)
+    number = np.empty(every.shape[1], np.int64)
     number[used] = np.arange(len(used))
     parent = np.repeat([run[0] for run, _ in lines], [len(chain) - 1 for chain in chains])
     return replace(
         mesh,
         doflocs=every[:, used],
-        t=np.concatenate([number[np.stack([chain[:-1], chain[1:]])] for chain in chains], axis=1),
-        spans=np.concatenate(spans, axis=1),
+        t=np.concatenate([number[np.stack([chain[:-1], chain[1:]])] for chain in chains], 1),
+        spans=np.concatenate(spans, 1),
         curve_ids=mesh.curve_ids[parent],
         _subdomains={k: np.flatnonzero(np.isin(parent, v)) for k, v in mesh.beams.items()},
         _boundaries={k: number[v] for k, v in mesh.nodes.items()},
@@ -93,9 +93,11 @@ def divided(mesh: MeshCurve, elements: int, keep: Sequence[tuple[int, float]] = 
 
 def _along(mesh: MeshCurve, run: IndexArray, places: Floats) -> tuple[Floats, Floats]:
     """Spans (n,) of arc lengths from the start of a run, and points (3, n - 2) between its ends."""
-    w, curve = places / places[-1], int(mesh.curve_ids[run[0]])
+    w = places / places[-1]
+    curve = int(mesh.curve_ids[run[0]])
     if curve < 0:
-        a, b = mesh.p[:, mesh.t[0, run[0]]], mesh.p[:, mesh.t[1, run[-1]]]
+        a = mesh.p[:, mesh.t[0, run[0]]]
+        b = mesh.p[:, mesh.t[1, run[-1]]]
         return places, (np.outer(a, 1 - w) + np.outer(b, w))[:, 1:-1]
     spans = mesh.spans[0, run[0]] * (1 - w) + mesh.spans[1, run[-1]] * w
     return spans, np.asarray(mesh.curves[curve].point(spans))[:, 1:-1]
@@ -120,16 +122,18 @@ def _counts(mesh: MeshCurve, lines: Sequence[tuple[IndexArray, Floats]], total: 
 
 def _runs(mesh: MeshCurve) -> list[IndexArray]:
     """Elements that follow each other on one line without anything between them."""
-    ne, t = mesh.nelements, mesh.t
-    first, second = np.arange(ne - 1), np.arange(1, ne)
+    ne = mesh.nelements
+    t = mesh.t
+    first = np.arange(ne - 1)
+    second = np.arange(1, ne)
     joined = t[1, :-1] == t[0, 1:]
     joined &= np.bincount(t.ravel(), minlength=mesh.p.shape[1])[t[1, :-1]] == 2
-    named = np.zeros(mesh.p.shape[1], dtype=bool)
+    named = np.zeros(mesh.p.shape[1], bool)
     for vertices in mesh.nodes.values():
         named[vertices] = True
     joined &= ~named[t[1, :-1]]
     for part in mesh.beams.values():
-        inside = np.zeros(ne, dtype=bool)
+        inside = np.zeros(ne, bool)
         inside[part] = True
         joined &= inside[first] == inside[second]
     joined &= mesh.curve_ids[first] == mesh.curve_ids[second]
@@ -179,18 +183,15 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
     >>> elements.tolist(), xi.tolist()
     ([[0, 0], [1, 1], [1, 1]], [[0.0, 1.0], [0.0, 0.5], [0.5, 1.0]])
     """
-    ends, starts = (np.append(0.0, np.cumsum(m.lengths)) for m in (mesh, other))
-    total, same = (
-        ends[-1],
-        abs(ends[-1] - starts[-1]) <= POSITION_TOLERANCE * max(ends[-1], starts[-1]),
-    )
-    if not same:
+    ends, starts = (np.append(0.0, m.lengths.cumsum()) for m in (mesh, other))
+    total = ends[-1]
+    if not abs(ends[-1] - starts[-1]) <= POSITION_TOLERANCE * max(ends[-1], starts[-1]):
         raise MeshError(
             "mesh", f"its lines are {starts[-1]:.9g} m long, of the mesh before {total:.9g} m"
         )
     s = starts[:-1, None] + other.lengths[:, None] * xi
     inside = s + 1e-6 * ((starts[:-1, None] + 0.5 * other.lengths[:, None]) - s)
-    e = np.clip(np.searchsorted(ends, inside, side="right") - 1, 0, mesh.nelements - 1)
+    e = (np.searchsorted(ends, inside, side="right") - 1).clip(0, mesh.nelements - 1)
     x = (s - ends[e]) / mesh.lengths[e]
     for end in (0.0, 1.0):
         x = np.where(abs(x - end) <= TOLERANCE, end, x)
@@ -198,9 +199,8 @@ def places_in(mesh: MeshCurve, other: MeshCurve, xi: Floats) -> tuple[IndexArray
     here = mesh.mapping().F(x.reshape(1, -1, 1), e.ravel())[:, :, 0]
     gaps = np.linalg.norm(here - other.mapping().F(xi[None]).reshape(3, -1), axis=0)
     if gaps.max() > POSITION_TOLERANCE * mesh.size:
-        k = gaps.argmax() // len(xi)
         raise MeshError(
-            f"element {k}",
+            f"element {gaps.argmax() // len(xi)}",
             f"is {gaps.max():.3g} m away from the line of the mesh before: expected the same lines"
             " in the same order, as after mesh.refined()",
         )

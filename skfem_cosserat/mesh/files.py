@@ -19,7 +19,16 @@ from typing import Any
 import numpy as np
 
 from ..errors import InputError, MeshError, ModelWarning
-from ..types import Array, ArrayLike, FilePath, Floats, IndexArray, file_path, names_known
+from ..types import (
+    NO_INDICES,
+    Array,
+    ArrayLike,
+    FilePath,
+    Floats,
+    IndexArray,
+    file_path,
+    names_known,
+)
 from ..warn import logger, warn
 from .decks import DECKS, Deck
 from .topology import element_numbers
@@ -74,7 +83,8 @@ class Groups:
 def physical_names(text: bytes) -> dict[tuple[int, int], str]:
     """Names of physical groups by (dimension, tag); this section is text even in binary files."""
     names: dict[tuple[int, int], str] = {}
-    start, end = text.find(b"$" + _NAMES.encode()), text.find(b"$End" + _NAMES.encode())
+    start = text.find(b"$" + _NAMES.encode())
+    end = text.find(b"$End" + _NAMES.encode())
     if start < 0 or end < 0:
         return names
     for row in text[start:end].decode("utf-8", errors="replace").splitlines()[2:]:
@@ -95,7 +105,8 @@ def group_name(names: Mapping[tuple[int, int], str], dim: int, tag: int) -> str:
 def _section(rows: list[str], name: str) -> Iterator[str]:
     """Words of a section, one after the other."""
     try:
-        start, end = rows.index(f"${name}"), rows.index(f"$End{name}")
+        start = rows.index(f"${name}")
+        end = rows.index(f"$End{name}")
     except ValueError:
         raise ValueError(f"has no complete section ${name}") from None
     return iter(" ".join(rows[start + 1 : end]).split())
@@ -136,28 +147,28 @@ def read_gmsh41(content: bytes) -> Groups:
     blocks, count, _, _ = _integers(words, 4)
     if not 0 <= 3 * count <= sum(map(len, rows)):
         raise ValueError(f"says that it has {count} nodes, which do not fit in it")
-    tags, points = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))]
+    tags, points = [NO_INDICES], [np.zeros((0, 3))]
     for _ in range(blocks):
         dim, _, parametric, size = _integers(words, 4)
-        tags.append(np.array(_integers(words, size), dtype=np.int64))
+        tags.append(np.array(_integers(words, size), np.int64))
         width = 3 + (dim if parametric else 0)
-        numbers = np.array(list(islice(words, width * size)), dtype=float)
+        numbers = np.array(list(islice(words, width * size)), float)
         points.append(numbers.reshape(size, width)[:, :3])
     known = np.concatenate(tags)
-    order = np.argsort(known, kind="stable")
+    order = known.argsort(kind="stable")
     if len(known) != count or (np.diff(known[order]) == 0).any():
         raise ValueError(f"{len(known)} nodes, some of them twice, or not {count} as it says")
     out = Groups(np.concatenate(points))
     cells = rows[rows.index("$Elements") + 1 : rows.index("$EndElements")]
     k = 1
     for _ in range(int(cells[0].split()[0])):
-        dim, tag, kind, size = (int(word) for word in cells[k].split())
+        dim, tag, kind, size = map(int, cells[k].split())
         part = cells[k + 1 : k + 1 + size]
         k += 1 + size
         if len(part) < size:
             raise ValueError("is cut short in section $Elements")
         width = {VERTEX: 2, LINE: 3}.get(kind, -1)
-        each = np.array(" ".join(part).split(), dtype=np.int64).reshape(size, width)[:, 1:]
+        each = np.array(" ".join(part).split(), np.int64).reshape(size, width)[:, 1:]
         nodes = order[np.minimum(np.searchsorted(known, each, sorter=order), count - 1)]
         if (known[nodes] != each).any():
             raise KeyError(f"node {each[known[nodes] != each][0]}")
@@ -209,8 +220,7 @@ def write_gmsh(
     if names:
         rows += [f"${_NAMES}", str(len(names))]
         rows += [f'{dim} {tag} "{name}"' for dim, tag, name in names] + [f"$End{_NAMES}"]
-    body = _rows41 if version == "4.1" else _rows22
-    rows += body(points, t + 1, in_nodes, in_beams)
+    rows += (_rows41 if version == "4.1" else _rows22)(points, t + 1, in_nodes, in_beams)
     path.write_text("\n".join(rows) + "\n", encoding="utf-8")
 
 
@@ -230,7 +240,7 @@ def _numbers(values: Any) -> str:
 
 def _counted(tags: tuple[int, ...]) -> str:
     """Number of tags and the tags."""
-    return " ".join(str(k) for k in (len(tags), *tags))
+    return " ".join(map(str, (len(tags), *tags)))
 
 
 def _runs(tags: list[tuple[int, ...]]) -> list[tuple[tuple[int, ...], range]]:
@@ -248,13 +258,15 @@ def _rows41(
     """Sections of a 4.1 file: one curve for each combination of beams."""
     named = [v for v, tags in enumerate(in_nodes) if tags]
     curves = {tags: k for k, tags in enumerate(dict.fromkeys(in_beams), start=1)}
-    low, high = _numbers(points.min(axis=1)), _numbers(points.max(axis=1))
+    low = _numbers(points.min(1))
+    high = _numbers(points.max(1))
     rows = ["$Entities", f"{len(named)} {len(curves)} 0 0"]
     for k, v in enumerate(named, start=1):
         rows.append(f"{k} {_numbers(points[:, v])} {_counted(in_nodes[v])}")
     for tags, k in curves.items():
         rows.append(f"{k} {low} {high} {_counted(tags)} 0")
-    nv, runs = points.shape[1], _runs(in_beams)
+    nv = points.shape[1]
+    runs = _runs(in_beams)
     rows += ["$EndEntities", "$Nodes", f"1 {nv} 1 {nv}", f"1 1 0 {nv}"]
     rows += [str(v + 1) for v in range(nv)]
     rows += [_numbers(point) for point in points.T]
@@ -294,9 +306,23 @@ def _rows22(
 BEAM, NODE = "beam:", "node:"
 #: What readers raise on files that are broken or not what their name says.
 _BROKEN = (
-    *(ArithmeticError, AssertionError, AttributeError, EOFError, ImportError, LookupError),
-    *(MemoryError, NameError, OSError, RuntimeError, StopIteration, SyntaxError, TypeError),
-    *(ValueError, lzma.LZMAError, struct.error, zlib.error),
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    EOFError,
+    ImportError,
+    LookupError,
+    MemoryError,
+    NameError,
+    OSError,
+    RuntimeError,
+    StopIteration,
+    SyntaxError,
+    TypeError,
+    ValueError,
+    lzma.LZMAError,
+    struct.error,
+    zlib.error,
 )
 
 
@@ -323,7 +349,7 @@ class LineData:
 @contextlib.contextmanager
 def read_errors(path: FilePath) -> Iterator[None]:
     """Whatever goes wrong with what a file says is one error that names the file."""
-    item = f"file '{file_path('argument path', path)}'"
+    item = f"file '{file_path(path)}'"
     try:
         yield
     except InputError as error:
@@ -336,7 +362,7 @@ def read_errors(path: FilePath) -> Iterator[None]:
 
 def read_lines(path: FilePath) -> LineData:
     """Lines of a file; see :func:`skfem_cosserat.mesh.read_mesh`."""
-    file = file_path("argument path", path)
+    file = file_path(path)
     if not file.is_file():
         raise ValueError("does not exist, or is no file")
     lines = _read_lines(file)
@@ -353,7 +379,8 @@ def _read_lines(file: Path) -> LineData:
     if _is_gmsh41(content, b"0"):
         found = read_gmsh41(content)
         _check_cells(found.cells)
-        beams, nodes = _arrays(found.beams), _arrays(found.nodes)
+        beams = _arrays(found.beams)
+        nodes = _arrays(found.nodes)
         return _cleaned(found.points, np.concatenate(found.lines), beams, nodes, found.other)
     mesh = _meshio(file, content)
     lines = lines_of(mesh, physical_names(content))
@@ -387,7 +414,8 @@ def _in_space(points: Array) -> Floats:
 
 def lines_of_skfem(mesh: Any, edges: str | ArrayLike | None) -> LineData:
     """Lines, or edges, of a mesh of scikit-fem."""
-    dimension, named = mesh.dim(), mesh.boundaries or {}
+    dimension = mesh.dim()
+    named = mesh.boundaries or {}
     beams, nodes = (dict(mesh.subdomains or {}), named) if dimension == 1 else (named, {})
     if dimension == 3:
         beams = {}
@@ -518,7 +546,7 @@ def _meshio(file: Path, content: bytes) -> Any:
 def _arrays(names: dict[str, list[Any]]) -> dict[str, IndexArray]:
     """Lists of arrays, each as a sorted array of different numbers."""
     return {
-        name: np.unique(np.concatenate([np.asarray(part, dtype=np.int64) for part in parts]))
+        name: np.unique(np.concatenate([np.asarray(part, np.int64) for part in parts]))
         for name, parts in names.items()
     }
 
@@ -605,7 +633,7 @@ def write_lines(
     file_format: str | None = None,
 ) -> None:
     """Write lines; see :func:`skfem_cosserat.mesh.write_mesh`."""
-    file = file_path("argument path", path)
+    file = file_path(path)
     default = {".msh": "gmsh", ".vtu": "vtu", ".vtk": "vtk"}.get(file.suffix.lower())
     kind = default if file_format is None else file_format
     if kind not in {"gmsh", "gmsh22", "vtu", "vtk"}:
@@ -634,7 +662,8 @@ def _write_vtk(
             raise MeshError(f"name {name!r}", "cannot be written to a VTU file: quotes, <, > or &")
         if kind == "vtk" and " " in name:
             raise MeshError(f"name {name!r}", "has a space, which a .vtk file cannot hold: .vtu")
-    ne, nv = lines.t.shape[1], lines.points.shape[1]
+    ne = lines.t.shape[1]
+    nv = lines.points.shape[1]
     cells = {BEAM + k: np.isin(np.arange(ne), v).astype(np.int32) for k, v in lines.beams.items()}
     points = {NODE + k: np.isin(np.arange(nv), v).astype(np.int32) for k, v in lines.nodes.items()}
     mesh = meshio.Mesh(

@@ -65,7 +65,7 @@ class MappingCurve(SkfemMapping):
     [0.0, 0.0, 3.0]
     """
 
-    def __init__(self, mesh: MeshCurve) -> None:
+    def __init__(self, mesh: MeshCurve):
         self.mesh = mesh
 
     def _select(self, X: Array, tind: Array | None) -> tuple[Array, Array]:
@@ -78,8 +78,10 @@ class MappingCurve(SkfemMapping):
         mesh = self.mesh
         out = np.empty((3, *xi.shape))
         for c, rows in _by_curve(mesh.curve_ids[elements]):
-            e, x = elements[rows], xi[rows]
-            a, b = mesh.p[:, mesh.t[0, e], None], mesh.p[:, mesh.t[1, e], None]
+            e = elements[rows]
+            x = xi[rows]
+            a = mesh.p[:, mesh.t[0, e], None]
+            b = mesh.p[:, mesh.t[1, e], None]
             if c < 0:
                 chord = (b - a) / mesh.lengths[e][:, None]
                 out[:, rows] = chord + 0.0 * x if tangent else (1.0 - x) * a + x * b
@@ -105,24 +107,23 @@ class MappingCurve(SkfemMapping):
 
         Exact at the ends; clipped to [0, 1].
         """
-        x = np.asarray(x, dtype=float)
+        x = np.asarray(x, float)
         mesh = self.mesh
         elements = np.arange(mesh.nelements) if tind is None else np.asarray(tind)
         length = mesh.lengths[elements][:, None]
         grid = np.linspace(0.0, 1.0, 9)
         near = self.F(grid[None, :], elements)
-        xi = grid[np.argmin(np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0), axis=-1)]
+        xi = grid[np.linalg.norm(x[..., None] - near[:, :, None, :], axis=0).argmin(-1)]
         for _ in range(50):
             ahead = x - self.F(xi[None], elements)
-            step = (ahead * self.tangent(xi[None], elements)).sum(axis=0) / length
+            step = (ahead * self.tangent(xi[None], elements)).sum(0) / length
             new = np.clip(xi + step, 0.0, 1.0)
-            done = np.abs(new - xi).max(initial=0.0) <= 1e-15
+            done = abs(new - xi).max(initial=0.0) <= 1e-15
             xi = new
             if done:
                 break
         for end in (0, 1):
-            vertex = mesh.p[:, mesh.t[end, elements], None]
-            xi = np.where((x == vertex).all(axis=0), float(end), xi)
+            xi = np.where((x == mesh.p[:, mesh.t[end, elements], None]).all(0), float(end), xi)
         return xi[None]
 
     def detDF(self, X: Array, tind: Array | None = None) -> Floats:
@@ -160,7 +161,7 @@ class MappingCurve(SkfemMapping):
 
 def _by_curve(ids: IndexArray) -> Iterator[tuple[int, IndexArray]]:
     """Each curve with the places (n,) in which it stands."""
-    order = np.argsort(ids, kind="stable")
+    order = ids.argsort(kind="stable")
     cuts = np.flatnonzero(np.diff(ids[order])) + 1
     yield from ((int(ids[rows[0]]), rows) for rows in np.split(order, cuts) if len(rows))
 
@@ -170,19 +171,22 @@ def _by_curve(ids: IndexArray) -> Iterator[tuple[int, IndexArray]]:
 
 def halved_arrays(mesh: MeshCurve, marked: IndexArray) -> dict[str, Any]:
     """Fields of a mesh whose marked elements are halved; children take their parent's place."""
-    ne, nv = mesh.nelements, mesh.p.shape[1]
-    halves = np.ones(ne, dtype=np.int64)
+    ne = mesh.nelements
+    nv = mesh.p.shape[1]
+    halves = np.ones(ne, np.int64)
     halves[marked] = 2
-    parent = np.repeat(np.arange(ne), halves)
-    first = np.cumsum(halves) - halves
-    t, spans = mesh.t[:, parent].copy(), mesh.spans[:, parent].copy()
-    left, right = first[marked], first[marked] + 1
+    parent = np.arange(ne).repeat(halves)
+    first = halves.cumsum() - halves
+    t = mesh.t[:, parent].copy()
+    spans = mesh.spans[:, parent].copy()
+    left = first[marked]
+    right = first[marked] + 1
     t[1, left] = t[0, right] = nv + np.arange(len(marked))
-    spans[1, left] = spans[0, right] = mesh.spans[:, marked].mean(axis=0)
+    spans[1, left] = spans[0, right] = mesh.spans[:, marked].mean(0)
     points = mesh.p
     if len(marked):
         middle = mesh.mapping().F(np.array([[0.5]]), marked)[:, :, 0]
-        points = np.concatenate([mesh.p, middle], axis=1)
+        points = np.concatenate([mesh.p, middle], 1)
     beams = None
     if mesh._subdomains is not None:
         beams = {k: np.flatnonzero(np.isin(parent, v)) for k, v in mesh.beams.items()}
@@ -197,7 +201,7 @@ def halved_arrays(mesh: MeshCurve, marked: IndexArray) -> dict[str, Any]:
 
 def moved_arrays(mesh: MeshCurve, rotation: Any, shift: Any, scale: float = 1.0) -> dict[str, Any]:
     """Fields of a mesh moved by ``x -> scale * rotation @ x + shift``."""
-    turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+    turn = np.eye(3) if rotation is None else np.asarray(rotation, float)
     if turn.shape != (3, 3) or not np.allclose(turn @ turn.T, np.eye(3), rtol=0, atol=1e-12):
         raise MeshError("argument rotation", f"{turn.tolist()} is no orthogonal matrix")
     by = vector(shift, "argument shift")
@@ -230,14 +234,14 @@ def restricted_arrays(mesh: MeshCurve, elements: Array) -> tuple[dict[str, Any],
 
 def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) -> dict[str, Any]:
     """Fields of the mesh of several meshes."""
-    points = np.concatenate([m.p for m in meshes], axis=1)
+    points = np.concatenate([m.p for m in meshes], 1)
     limit = 1e-9 * float(np.linalg.norm(np.ptp(points, axis=1))) if tol is None else float(tol)
     if not (np.isfinite(limit) and limit >= 0.0):
         raise MeshError("argument tol", f"got {tol}, expected a distance in m")
     kept = []
     numbers = []
     near = _near(points, limit) if weld else {}
-    meeting = np.sort(np.array(list(near), dtype=np.int64))
+    meeting = np.sort(np.array(list(near), np.int64))
     final = np.full(points.shape[1], -1)  # numbers of vertices that are kept
     start = total = 0
     for mesh in meshes:
@@ -256,7 +260,8 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
         _check_welds(mesh, number, limit)
         new = number < 0
         final[start:stop][new] = number[new] = total + np.arange(new.sum())
-        total, start = total + int(new.sum()), stop
+        total = total + int(new.sum())
+        start = stop
         kept.append(mesh.p[:, new])
         numbers.append(number)
     shifts = np.cumsum([0] + [len(m.curves) for m in meshes])
@@ -265,11 +270,11 @@ def joined_arrays(meshes: Sequence[MeshCurve], tol: float | None, weld: bool) ->
         np.where(m.curve_ids < 0, -1, m.curve_ids + s) for m, s in zip(meshes, shifts, strict=False)
     ]
     return {
-        "doflocs": np.concatenate(kept, axis=1),
-        "t": np.concatenate([n[m.t] for m, n in zip(meshes, numbers, strict=True)], axis=1),
+        "doflocs": np.concatenate(kept, 1),
+        "t": np.concatenate([n[m.t] for m, n in zip(meshes, numbers, strict=True)], 1),
         "curves": [curve for m in meshes for curve in m.curves],
         "curve_ids": np.concatenate(ids),
-        "spans": np.concatenate([m.spans for m in meshes], axis=1),
+        "spans": np.concatenate([m.spans for m in meshes], 1),
         "_subdomains": _united([m.beams for m in meshes], lambda k, v: v + first[k]),
         "_boundaries": _united([m.nodes for m in meshes], lambda k, v: numbers[k][v]),
     }
@@ -311,12 +316,11 @@ def _check_welds(mesh: MeshCurve, number: IndexArray, tol: float) -> None:
     pairs = number[mesh.t]
     collapsed = (pairs[0] == pairs[1]) & (pairs[0] >= 0)
     if collapsed.any():
-        e = np.argmax(collapsed)
-        a, b = mesh.p[:, mesh.t[:, e]].T.tolist()
+        a, b = mesh.p[:, mesh.t[:, np.argmax(collapsed)]].T.tolist()
         raise MeshError("argument tol", f"{tol:.3g} m would collapse the element from {a} to {b}")
     hit, times = np.unique(number[number >= 0], return_counts=True)
     if (times > 1).any():
-        vertices = np.flatnonzero(number == hit[np.argmax(times > 1)]).tolist()
+        vertices = np.flatnonzero(number == hit[(times > 1).argmax()]).tolist()
         raise MeshError(
             f"node at {mesh.p[:, vertices[0]].tolist()}",
             f"nodes {vertices} of one mesh would all be merged into one: join with a smaller tol"
@@ -327,7 +331,7 @@ def _check_welds(mesh: MeshCurve, number: IndexArray, tol: float) -> None:
 # -- line meshes of space curves for scikit-fem: networks, branches and closed loops ---------------
 
 
-@dataclass(repr=False, eq=False)
+@dataclass(eq=False)
 class MeshCurve(Frozen, MeshLine1):
     """Lines in space with true arc lengths; beams and nodes carry names.
 
@@ -382,8 +386,8 @@ class MeshCurve(Frozen, MeshLine1):
         MeshLine1.__post_init__(self)
         ne = self.t.shape[1]
         self.curves = tuple(self.curves)
-        ids = np.full(ne, -1) if self.curve_ids is None else np.asarray(self.curve_ids, dtype=int)
-        spans = np.zeros((2, ne)) if self.spans is None else np.array(self.spans, dtype=float)
+        ids = np.full(ne, -1) if self.curve_ids is None else np.asarray(self.curve_ids, int)
+        spans = np.zeros((2, ne)) if self.spans is None else np.array(self.spans, float)
         for item, array, shape in (("curve_ids", ids, (ne,)), ("spans", spans, (2, ne))):
             if array.shape != shape:
                 raise MeshError(f"argument {item}", f"has shape {array.shape}, expected {shape}")
@@ -392,7 +396,8 @@ class MeshCurve(Frozen, MeshLine1):
         ends = self.doflocs[:, self.t[:, chord]]
         spans[0, chord] = 0.0
         spans[1, chord] = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=0)
-        self.curve_ids, self.spans = ids, spans
+        self.curve_ids = ids
+        self.spans = spans
         check_geometry(self)
         self._boundaries, self._subdomains = locked(self._boundaries), locked(self._subdomains)
         super().__post_init__()
@@ -420,8 +425,7 @@ class MeshCurve(Frozen, MeshLine1):
     ) -> Self:
         """Mesh of one beam."""
         named = beam_nodes(name, arrays["spans"], closed, nodes)
-        every = {name: np.arange(arrays["t"].shape[1])}
-        return cls(_boundaries=named, _subdomains=every, **arrays)
+        return cls(_boundaries=named, _subdomains={name: np.arange(arrays["t"].shape[1])}, **arrays)
 
     @classmethod
     def init_curve(
@@ -500,8 +504,7 @@ class MeshCurve(Frozen, MeshLine1):
         nodes: Mapping[str, float] | None = None,
     ) -> Self:
         """One beam on a helix; see :class:`CurveHelix`."""
-        helix = CurveHelix(start, centre, axis, pitch, turns)
-        return cls.init_curve(helix, elements, name, nodes)
+        return cls.init_curve(CurveHelix(start, centre, axis, pitch, turns), elements, name, nodes)
 
     @classmethod
     def init_polyline(
@@ -526,7 +529,7 @@ class MeshCurve(Frozen, MeshLine1):
             If a last leg leads back to the first corner.
         """
         closed = switch(f"beam '{name}'", closed, "closed")
-        points = np.asarray(corners, dtype=float)
+        points = np.asarray(corners, float)
         if points.ndim != 2 or points.shape[1] != 3 or len(points) < 2 + closed:
             raise MeshError(
                 f"beam '{name}'", f"corners have shape {points.shape}, expected (2 or more, 3)"
@@ -564,7 +567,7 @@ class MeshCurve(Frozen, MeshLine1):
         """
         curve = CurveSpline(points, closed)
         arrays = chain_arrays([curve], [curve.knots], closed)
-        arrays["doflocs"] = np.array(points, dtype=float).T
+        arrays["doflocs"] = np.array(points, float).T
         return cls._from_chain(arrays, name, nodes, closed)
 
     @classmethod
@@ -696,7 +699,7 @@ class MeshCurve(Frozen, MeshLine1):
     @property
     def lengths(self) -> Floats:
         """Arc lengths of the elements (ne,), in m."""
-        return np.abs(self.spans[1] - self.spans[0])
+        return abs(self.spans[1] - self.spans[0])
 
     @property
     def size(self) -> float:
@@ -765,7 +768,7 @@ class MeshCurve(Frozen, MeshLine1):
 
     def elements_at(self, which: str | int | VectorLike) -> IndexArray:
         """All elements that meet at a node (``f2t`` knows only two)."""
-        return np.flatnonzero((self.t == self.node(which)).any(axis=0))
+        return np.flatnonzero((self.t == self.node(which)).any(0))
 
     def with_nodes(self, nodes: Mapping[str, int | VectorLike]) -> Self:
         """Copy with further named nodes, by vertex number or position (3,).
@@ -840,9 +843,7 @@ class MeshCurve(Frozen, MeshLine1):
 
     def __add__(self, other: MeshCurve) -> Self:
         """Join two meshes, as ``self.joined(other)``."""
-        if not isinstance(other, MeshCurve):
-            return NotImplemented
-        return self.joined(other)
+        return NotImplemented if not isinstance(other, MeshCurve) else self.joined(other)
 
     def directed(self) -> Self:
         """Copy in which the elements of each beam run head to tail; itself, if they do."""
@@ -939,9 +940,9 @@ class MeshCurve(Frozen, MeshLine1):
 
     def mirrored(self, normal: VectorLike, point: VectorLike | None = None) -> Self:
         """Copy reflected at the plane with a normal (3,) through a point (3,)."""
-        n = np.asarray(normal, dtype=float)
+        n = np.asarray(normal, float)
         n = n / np.linalg.norm(n)
-        base = np.zeros(3) if point is None else np.asarray(point, dtype=float)
+        base = np.zeros(3) if point is None else np.asarray(point, float)
         return self.moved(np.eye(3) - 2.0 * np.outer(n, n), 2.0 * (n @ base) * n)
 
     # ------------------------------------------------------------------ scikit-fem's hooks
@@ -967,7 +968,7 @@ def locked(sets: Any) -> Any:
     """Named sets of numbers, in arrays of their own that cannot be written to."""
     if sets is None:
         return None
-    own = {name: np.array(numbers, dtype=np.int64) for name, numbers in sets.items()}
+    own = {name: np.array(numbers, np.int64) for name, numbers in sets.items()}
     for numbers in own.values():
         numbers.flags.writeable = False
     return own

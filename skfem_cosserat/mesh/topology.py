@@ -78,7 +78,8 @@ class ChainOrder:
     def chains(self) -> list[Chain]:
         """Each by itself."""
         parts = np.split(self.elements, self.first[1:-1])
-        closed, owner = self.closed.tolist(), self.owner.tolist()
+        closed = self.closed.tolist()
+        owner = self.owner.tolist()
         return [Chain(*each) for each in zip(parts, closed, owner, strict=True)]
 
     def side_by_side(self) -> Iterator[tuple[IndexArray, Array]]:
@@ -98,11 +99,12 @@ def _neighbours(t: Array, owner: IndexArray) -> IndexArray:
     key = (t.astype(np.int64) * (owner.max() + 2) + owner + 1).T.ravel()
     order = np.argsort(key, kind="stable")
     at = key[order]
-    new = np.ones(len(at) + 1, dtype=bool)
+    new = np.ones(len(at) + 1, bool)
     new[1:-1] = at[1:] != at[:-1]
     first = np.flatnonzero(new)
     pairs = first[:-1][np.diff(first) == 2]
-    one, two = order[pairs], order[pairs + 1]
+    one = order[pairs]
+    two = order[pairs + 1]
     out = np.full(2 * ne, -1)
     out[one], out[two] = two, one
     return out.reshape(ne, 2).T
@@ -129,8 +131,8 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
     met = _neighbours(t, owner)
     against = (met >= 0) & (met % 2 == np.array([[0], [1]]))
     if against.any():
-        which = np.flatnonzero(against.any(axis=0))
-        e = int(which[np.argmin(owner[which])])
+        which = np.flatnonzero(against.any(0))
+        e = int(which[owner[which].argmin()])
         end = int(np.argmax(against[:, e]))
         raise MeshError(
             f"beam '{names[owner[e]]}'" if owner[e] >= 0 else "elements in no beam",
@@ -138,9 +140,10 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
             f" {t[end, e]}: use mesh.directed() to turn one",
         )
     successor = np.where(met[1] >= 0, met[1] // 2, -1)
-    leading = np.ones(ne, dtype=bool)
+    leading = np.ones(ne, bool)
     leading[successor[successor >= 0]] = False
-    following, used = successor.tolist(), [False] * ne
+    following = successor.tolist()
+    used = [False] * ne
     elements: list[int] = []
     begun = []  # first element, closed, where it is in `elements`
     # open chains from their first elements, then the closed ones
@@ -153,11 +156,11 @@ def find_chains(t: Array, owner: IndexArray, names: Sequence[str]) -> ChainOrder
                 used[e] = True
                 elements.append(e)
                 e = following[e]
-    heads, rings, starts = (np.array(each) for each in zip(*begun, strict=True))
-    every = np.array(elements, dtype=np.int64)
+    heads, rings, starts = map(np.array, zip(*begun, strict=True))
+    every = np.array(elements, np.int64)
     sort = np.lexsort((heads, rings, owner[heads]))
     count = np.diff(np.append(starts, ne))[sort]
-    first = np.append(0, np.cumsum(count))
+    first = np.append(0, count.cumsum())
     every = every[np.repeat(starts[sort] - first[:-1], count) + np.arange(ne)]
     before = every[successor[every] >= 0]
     out = ChainOrder(every, first, rings[sort], owner[heads][sort], before, successor[before])
@@ -189,7 +192,7 @@ def arc_starts(order: ChainOrder, lengths: Floats) -> Floats:
     """Arc length (ne,) from the start of its chain to the start of each element (m)."""
     starts = np.zeros(len(lengths))
     for elements, _ in order.side_by_side():
-        starts[elements[:, 1:]] = np.cumsum(lengths[elements], axis=1)[:, :-1]
+        starts[elements[:, 1:]] = lengths[elements].cumsum(1)[:, :-1]
     return starts
 
 
@@ -223,17 +226,17 @@ def check_arrays(doflocs: Any, t: Any) -> tuple[Floats, Array]:
     if not np.issubdtype(lines.dtype, np.integer):
         raise MeshError("mesh connectivity", f"has type {lines.dtype}, expected integers")
     if not np.isfinite(points).all():
-        node = np.argmin(np.isfinite(points).all(axis=0))
+        node = np.argmin(np.isfinite(points).all(0))
         raise MeshError(f"node {node}", f"coordinates {points[:, node].tolist()} are not finite")
     nv = points.shape[1]
-    wrong = ((lines < 0) | (lines >= nv)).any(axis=0)
+    wrong = ((lines < 0) | (lines >= nv)).any(0)
     if wrong.any():
         e = np.argmax(wrong)
         raise MeshError(f"element {e}", f"has nodes {lines[:, e].tolist()}, the mesh has {nv}")
-    used = np.zeros(nv, dtype=bool)
+    used = np.zeros(nv, bool)
     used[lines] = True
     if not used.all():
-        node = np.argmin(used)
+        node = used.argmin()
         raise MeshError(f"node {node}", f"at {points[:, node].tolist()} belongs to no element")
     return np.ascontiguousarray(points), np.ascontiguousarray(lines)
 
@@ -280,7 +283,7 @@ def _check_curves(mesh: MeshCurve, size: float) -> None:
         return
     spans = mesh.spans[:, on_curve]
     limit = np.array([curve.length for curve in mesh.curves])[mesh.curve_ids[on_curve]]
-    outside = ~((spans >= -1e-9 * limit) & (spans <= (1 + 1e-9) * limit)).all(axis=0)
+    outside = ~((spans >= -1e-9 * limit) & (spans <= (1 + 1e-9) * limit)).all(0)
     if outside.any():
         k = np.argmax(outside)
         raise MeshError(
@@ -330,22 +333,23 @@ def crossings(mesh: MeshCurve, tol: float) -> tuple[IndexArray, Floats]:
     else:
         from scipy.spatial import cKDTree  # slow to import
 
-        middle = ends.mean(axis=0)
+        middle = ends.mean(0)
         # of two that meet the middles are not farther apart than the longer one is long
         near = cKDTree(middle).query_ball_point(middle, size + tol)
         first = np.repeat(range(mesh.nelements), [len(each) for each in near])
-        pairs = np.stack([first, np.concatenate(near)])
-        e, f = np.unique(np.sort(pairs, axis=0), axis=1)
-    apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all(axis=(0, 1))
-    e, f = e[apart], f[apart]
+        e, f = np.unique(np.sort(np.stack([first, np.concatenate(near)]), axis=0), axis=1)
+    apart = (mesh.t[:, None, e] != mesh.t[None, :, f]).all((0, 1))
+    e = e[apart]
+    f = f[apart]
     # the points that are closest: s of the way along e, r along f
     u, v, gap = along[e], along[f], ends[0, f] - ends[0, e]
     normal = np.cross(u, v)
     with np.errstate(all="ignore"):
         s, r = ((np.cross(gap, each) * normal).sum(1) / (normal**2).sum(1) for each in (v, u))
-    place, off = np.stack([s, r]), tol / size[np.stack([e, f])]
-    on = ((place >= -off) & (place <= 1 + off)).all(axis=0)
-    on &= ((place > off) & (place < 1 - off)).any(axis=0)
+    place = np.stack([s, r])
+    off = tol / size[np.stack([e, f])]
+    on = ((place >= -off) & (place <= 1 + off)).all(0)
+    on &= ((place > off) & (place < 1 - off)).any(0)
     on &= np.linalg.norm(gap + r[:, None] * v - s[:, None] * u, axis=1) <= tol
     return np.stack([e, f])[:, on], (ends[0, e] + s[:, None] * u)[on]
 
@@ -354,7 +358,8 @@ def warn_of_crossings(mesh: MeshCurve, part: IndexArray) -> None:
     """Say which lines of different parts (ne,) cross without a common vertex."""
     pairs, places = crossings(mesh, POSITION_TOLERANCE * mesh.size)
     between = part[pairs[0]] != part[pairs[1]]
-    pairs, places = pairs[:, between], places[between]
+    pairs = pairs[:, between]
+    places = places[between]
     if not len(places):
         return
     more = f" ({len(places) - 1} more like it)" * (len(places) > 1)
@@ -394,11 +399,11 @@ def chain_arrays(curves: Sequence[Curve], arcs: Sequence[Floats], closed: bool) 
     if closed:
         t[1, -1] = 0
     return {
-        "doflocs": np.concatenate(points, axis=1),
+        "doflocs": np.concatenate(points, 1),
         "t": t,
         "curves": curves,
-        "curve_ids": np.repeat(np.arange(len(curves)), counts),
-        "spans": np.concatenate([np.stack([s[:-1], s[1:]]) for s in arcs], axis=1),
+        "curve_ids": np.arange(len(curves)).repeat(counts),
+        "spans": np.concatenate([np.stack([s[:-1], s[1:]]) for s in arcs], 1),
     }
 
 
@@ -432,7 +437,7 @@ def beam_nodes(
         place = relative_length(key, given)
         if key in named:
             raise MeshError(f"node '{key}'", f"the name is given to an end of beam '{name}'")
-        k = np.argmin(np.abs(places - place))
+        k = abs(places - place).argmin()
         if not abs(places[k] - place) <= 1e-9:
             close = ", ".join(f"{x:.6g}" for x in np.sort(places[max(k - 1, 0) : k + 2]))
             raise MeshError(
@@ -512,7 +517,7 @@ def places_along(
     """Elements (m,) and reference coordinates (m,) at arc lengths s (m,) along a beam or all."""
     ids = np.arange(mesh.nelements) if beam is None else mesh.elements_of(beam)
     item = "mesh" if beam is None else f"beam '{beam}'"
-    chains = find_chains(mesh.t[:, ids], np.zeros(len(ids), dtype=np.int64), [beam or ""]).chains()
+    chains = find_chains(mesh.t[:, ids], np.zeros(len(ids), np.int64), [beam or ""]).chains()
     if len(chains) != 1:
         raise MeshError(
             item,
@@ -520,7 +525,7 @@ def places_along(
             f" {_listed(mesh.beams)}, or elements and their reference coordinates",
         )
     ids = ids[chains[0].elements]
-    ends = np.cumsum(mesh.lengths[ids])
+    ends = mesh.lengths[ids].cumsum()
     tol = 1e-12 * ends[-1]
     at = np.atleast_1d(numbers(item, "arc length s", s))
     wrong = ~((at >= -tol) & (at <= ends[-1] + tol))
@@ -560,8 +565,8 @@ def element_finder(mesh: MeshCurve) -> Callable[..., Array]:
     reach = 0.5 * mesh.lengths + POSITION_TOLERANCE * mesh.size
 
     def finder(x: Array, y: Array, z: Array) -> Array:
-        found = np.empty(len(x), dtype=np.int32)
-        for k, place in enumerate(np.stack([x, y, z], axis=1)):
+        found = np.empty(len(x), np.int32)
+        for k, place in enumerate(np.stack([x, y, z], 1)):
             near = np.flatnonzero(np.linalg.norm(middle.T - place, axis=1) <= reach)
             at = np.broadcast_to(place[:, None, None], (3, len(near), 1))
             feet = mapping.F(mapping.invF(at, near), near) if near.size else at

@@ -34,11 +34,13 @@ def node_tangents(mesh: MeshCurve, xi: Floats) -> Floats:
     if not chord.any():
         return exact
     own = exact[:, 0]
-    ends = np.stack([own, own], axis=1)
+    ends = np.stack([own, own], 1)
     cosine = np.cos(mesh.feature_angle) - 1e-9  # an angle equal to it is smooth too
-    e, f = mesh.chain_order.before, mesh.chain_order.after
-    smooth = chord[e] & chord[f] & ((own[e] * own[f]).sum(axis=1) > cosine)
-    e, f = e[smooth], f[smooth]
+    e = mesh.chain_order.before
+    f = mesh.chain_order.after
+    smooth = chord[e] & chord[f] & ((own[e] * own[f]).sum(1) > cosine)
+    e = e[smooth]
+    f = f[smooth]
     mean = mesh.lengths[f][:, None] * own[e] + mesh.lengths[e][:, None] * own[f]
     mean /= np.linalg.norm(mean, axis=1, keepdims=True)
     ends[e, 1] = ends[f, 0] = mean
@@ -64,7 +66,7 @@ def section_triads(
     along = mesh.lengths[:, None] * xi
     if not given.all():
         for e, closed in mesh.chain_order.side_by_side():
-            if (todo := ~given[e].all(axis=1)).any():
+            if (todo := ~given[e].all(1)).any():
                 moved = _transported(points, tangents, along, e[todo], closed[todo])
                 own = e[todo].ravel()
                 d1[own] = np.where(given[own, None, None], d1[own], moved)
@@ -75,8 +77,9 @@ def section_triads(
             angles = _angles(mesh, value, e, mesh.arc_starts[e, None] + along[e])
             triads[e] = _turned(triads[e], angles)
     # neighbours on a chain have the very same triad where theirs agree to round-off
-    before, after = mesh.chain_order.before, mesh.chain_order.after
-    same = abs(triads[before, -1] - triads[after, 0]).max(axis=(1, 2)) <= SAME
+    before = mesh.chain_order.before
+    after = mesh.chain_order.after
+    same = abs(triads[before, -1] - triads[after, 0]).max((1, 2)) <= SAME
     triads[after[same], 0] = triads[before[same], -1]
     return triads
 
@@ -91,13 +94,14 @@ def _by_beam(mesh: MeshCurve, value: Any, what: str) -> Iterator[tuple[Any, Inde
     if not isinstance(value, Mapping):
         yield value, np.arange(mesh.nelements)
         return
-    number, beams = np.full(mesh.nelements, -1), mesh.beams
+    number = np.full(mesh.nelements, -1)
+    beams = mesh.beams
     for k, name in enumerate(value):
         if name not in beams:
             known = names_known(name, beams, "known beams")
             raise MeshError(f"{what} of beam '{name}'", f"unknown beam; {known}")
         number[beams[name]] = k
-    order = np.argsort(number, kind="stable")
+    order = number.argsort(kind="stable")
     cuts = np.searchsorted(number[order], np.arange(len(value) + 1))
     for k, part in enumerate(value.values()):
         yield part, order[cuts[k] : cuts[k + 1]]
@@ -125,7 +129,7 @@ def _check_parallel(mesh: MeshCurve, hints: Floats, tangents: Floats, along: Flo
     parallel = sine < 1e-6  # NaN where there is no hint
     if parallel.any():
         order = mesh.chain_order.elements
-        e = int(order[np.argmax(parallel[order].any(axis=1))])
+        e = int(order[np.argmax(parallel[order].any(1))])
         a = np.argmax(parallel[e])
         raise MeshError(
             _owner_item("director", mesh, mesh.owners[e]),
@@ -141,7 +145,7 @@ def _orthonormal(d1: Array, tangent: Array) -> Floats:
         d1 = d1 - (d1 * d3).sum(axis=-1, keepdims=True) * d3
         d1 = d1 / np.linalg.norm(d1, axis=-1, keepdims=True)
     d2 = np.cross(d3, d1)
-    return np.stack([d1, d2 / np.linalg.norm(d2, axis=-1, keepdims=True), d3], axis=-2)
+    return np.stack([d1, d2 / np.linalg.norm(d2, axis=-1, keepdims=True), d3], -2)
 
 
 def _angles(mesh: MeshCurve, twist: Any, e: IndexArray, s: Floats) -> Floats:
@@ -157,14 +161,15 @@ def _angles(mesh: MeshCurve, twist: Any, e: IndexArray, s: Floats) -> Floats:
     else:
         raise InputError(item(0), f"{twist!r} is neither a rate nor a function of arc length")
     if not np.isfinite(angles).all():
-        row, a = (int(k) for k in np.argwhere(~np.isfinite(angles))[0])
+        row, a = map(int, np.argwhere(~np.isfinite(angles))[0])
         raise InputError(item(row), f"{twist!r} is not finite at arc length {s[row, a]:.6g} m")
     return angles
 
 
 def _turned(triads: Floats, angle: Floats) -> Floats:
     """Triads (..., 3, 3) turned about their own d3 by angles (...)."""
-    c, s = np.cos(angle)[..., None], np.sin(angle)[..., None]
+    c = np.cos(angle)[..., None]
+    s = np.sin(angle)[..., None]
     d1, d2, d3 = (triads[..., i, :] for i in range(3))
     return _orthonormal(c * d1 + s * d2, d3)
 
@@ -172,7 +177,7 @@ def _turned(triads: Floats, angle: Floats) -> Floats:
 # -------------------------------------------------------------------- transport
 def _normals(tangent: Floats) -> Floats:
     """Coordinate axes farthest from tangents (..., 3), x before y before z, normal to them."""
-    axis = np.eye(3)[np.argmin(abs(tangent).round(12), axis=-1)]
+    axis = np.eye(3)[abs(tangent).round(12).argmin(-1)]
     normal = axis - (axis * tangent).sum(-1, keepdims=True) * tangent
     return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
 
@@ -234,15 +239,16 @@ def _transported(
     if m > 1:
         last = node[node % n == n - 1]
         total[:, last + 1] = angles(last, last + 1, inside=False)
-    total = np.cumsum(total, axis=1)
+    total = total.cumsum(1)
     if closed.any():
         gap = total[:, -1:] + angles(np.array([m * n - 1]), np.array([0]), inside=False)
         miss = -np.arctan2(np.sin(gap), np.cos(gap))
-        ends = np.cumsum(along[elements, -1], axis=1)
+        ends = np.cumsum(along[elements, -1], 1)
         s = along[elements] + (ends - along[elements, -1])[..., None]
         share = s.reshape(chains, m * n) / ends[:, -1:]
         total += np.where(closed[:, None] & (abs(miss) > 1e-13), miss * share, 0.0)
-    c, s = np.cos(total)[..., None], np.sin(total)[..., None]
+    c = np.cos(total)[..., None]
+    s = np.sin(total)[..., None]
     return (c * normal + s * np.cross(t, normal)).reshape(chains * m, n, 3)
 
 
@@ -251,12 +257,12 @@ def turns(before: Floats, after: Floats) -> Floats:
 
     Exact also at small angles: ``|A - B|^2 = 8 sin^2(t/2)``.
     """
-    return 2 * np.arcsin(np.clip(np.sqrt(((after - before) ** 2).sum(axis=(-2, -1)) / 8), 0, 1))
+    return 2 * np.arcsin(np.sqrt(((after - before) ** 2).sum(axis=(-2, -1)) / 8).clip(0, 1))
 
 
 def _twists(before: Floats, after: Floats) -> Floats:
     """Angles (...) of their part about d3, on top of the smallest rotation between the two d3."""
-    R = after @ np.swapaxes(before, -1, -2)
+    R = after @ before.swapaxes(-1, -2)
     return np.arctan2(R[..., 1, 0] - R[..., 0, 1], R[..., 0, 0] + R[..., 1, 1])
 
 
@@ -327,7 +333,7 @@ def check_bends(
             " 90: refine",
         )
     _check_folds(mesh, kind, nodes, places, triads, item)
-    total = angle.sum(axis=1).round(8)
+    total = angle.sum(1).round(8)
     if total.max() > round(kind.turn_limit, 8):
         e = total.argmax()
         warn(
@@ -348,7 +354,8 @@ def _check_folds(
     item: str,
 ) -> None:
     """The line, and the interpolated one, run along the interpolated d3 everywhere."""
-    xi, at = kind.dense.points, kind.dense
+    xi = kind.dense.points
+    at = kind.dense
     exact = mesh.mapping().tangent(xi[None])
     slope = np.einsum("ag,eac->ceg", at.slopes, places)
     d3 = np.einsum("ag,eac->ceg", at.values, triads[:, :, 2])
@@ -366,13 +373,14 @@ def _check_folds(
 def _report_flips(mesh: MeshCurve, nodes: IndexArray, triads: Floats, item: str) -> None:
     """Warn of a first director that turns by more than 90 degrees about the line at a corner."""
     order = mesh.chain_order
-    e, f = order.before, order.after
+    e = order.before
+    f = order.after
     twist = abs(_twists(triads[e, -1], triads[f, 0]))
     flips = twist > np.pi / 2 + 1e-9
     if not flips.any():
         return
-    number = np.empty(mesh.nelements, dtype=np.int64)  # of the chain
-    number[order.elements] = np.repeat(np.arange(len(order.closed)), np.diff(order.first))
+    number = np.empty(mesh.nelements, np.int64)  # of the chain
+    number[order.elements] = np.arange(len(order.closed)).repeat(np.diff(order.first))
     for chain in np.unique(number[e[flips]]).tolist():
         own = np.flatnonzero(number[e] == chain)
         k = int(own[twist[own].argmax()])

@@ -22,7 +22,7 @@ from ..model.balance import Amplitudes, amplitudes_at, balance
 from ..model.force_elements import CoupledForce
 from ..model.limits import owner
 from ..types import SAME, Floats, finite, numbered
-from ..warn import Notices, counted, told
+from ..warn import Notice, Notices, counted, told
 from .eigen import SPARE, TOLERANCE, Pencil, arnoldi, lowest, make_pencil
 from .state import Equilibrium, as_system, check_amplitudes, resting
 from .vibration import Animated, checked_count, led
@@ -37,7 +37,7 @@ REAL = 1e-6
 
 
 @checked
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class Buckling(Animated):
     """Critical load factors and buckling modes.
 
@@ -66,7 +66,7 @@ class Buckling(Animated):
     response: Floats
     factorisations: int
     _at: Equilibrium
-    warnings: list[dict[str, Any]] = field(default_factory=list)
+    warnings: list[Notice] = field(default_factory=list)
 
     def __len__(self) -> int:
         return len(self.factors)
@@ -178,16 +178,14 @@ def buckling(
                 "argument t", f"{t!r}: the loads do nothing then, there is no response"
             )
         factors = Factorised(pencil.K)
-        force = P.T @ applied
-        u = _solve(pencil, factors, force)
-        K1, stresses, multipliers = _geometric(at, loads, np.asarray(P @ u).reshape(-1, 3))
+        u = _solve(pencil, factors, P.T @ applied)
+        K1, stresses, multipliers = _geometric(at, loads, (P @ u).reshape(-1, 3))
         values, X = _critical(pencil, K1, factors, count, sign)
         X = led(X / np.sqrt(np.einsum("ik,ik->k", X, tangent.metric @ X)), tangent.metric)
         made = still.factorisations + 1
         if system.beam_groups:
             checks.apply(_shapes(pencil, stresses, multipliers, loads, values, X))
-    found = system, values, (P @ X).T, X.T.copy(), P @ u
-    return Buckling(*found, made, at, notices.found)
+    return Buckling(system, values, (P @ X).T, X.T.copy(), P @ u, made, at, notices.found)
 
 
 def _shapes(
@@ -199,13 +197,14 @@ def _shapes(
     X: Floats,
 ) -> checks.Shapes:
     """Buckling modes for :mod:`checks`; stresses and multipliers are those of the given loads."""
-    at, found = pencil.at, []
+    at = pencil.at
+    found = []
     for factor, x in zip(values, X.T, strict=True):
         dq = (at.tangent.P @ x).reshape(-1, 3)
         state = [factor * each for each in stresses], factor * multipliers
         scaled = replace(loads, loads=factor * loads.loads)
         found.append(energies_of_motion(at.system, at.y, *state, scaled, dq, 0 * dq))
-    energy = np.diagonal(pencil.energies(X)[0])
+    energy = pencil.energies(X)[0].diagonal()
     return checks.Shapes(at.system, "critical factor", 1, np.array(found), energy)
 
 
@@ -223,8 +222,9 @@ def _geometric(
 ) -> tuple[csr_matrix, list[Floats], Floats]:
     """K_1 (unknowns, unknowns) for the linear response dq (rows, 3), its stresses, multipliers."""
     system, y, P = at.system, at.y, at.tangent.P
-    blocks = system.mass_tangent(0.0)
-    Bs, stresses = at.tangent.balance.Bs, []
+    blocks = system.empty_tangent()
+    Bs = at.tangent.balance.Bs
+    stresses = []
     for k, (group, B, D) in enumerate(zip(system.beam_groups, Bs, at.moduli, strict=True)):
         local = dq[group.rows].reshape(len(group.rows), -1, 1)
         stresses.append(group.linear_stress(D, (B @ local).reshape(len(B), -1, 6)))
@@ -237,7 +237,8 @@ def _geometric(
     if system.couplings.count:
 
         def moved(step: complex) -> CoupledForce:
-            factors, there = step * loads.actuators, y + 0 * step
+            factors = step * loads.actuators
+            there = y + 0 * step
             there[: system.rows] += step * dq
             start = system.couplings.starting(y, None, factors, 1.0, loads.time)
             return system.couplings.static(start, there)
@@ -247,7 +248,7 @@ def _geometric(
         h = 1e-4 * min(1.0, system.length) / (float(abs(dq).max()) or 1.0)
         sides = (1, 8.0), (-1, -8.0), (2, -1.0), (-2, 1.0)
         tangents = [w * system.couplings.tangent(moved(k * h), 1.0) for k, w in sides]
-        blocks.append(np.sum(tangents, axis=0) / (12 * h))
+        blocks.append(np.sum(tangents, 0) / (12 * h))
     multipliers = balancing_multipliers(system, y, R.ravel())
     A = blocks_matrix(system, blocks) + curvature_matrix(system, y, multipliers)
     return congruent(P, A), stresses, multipliers
@@ -258,10 +259,9 @@ def _critical(
 ) -> tuple[Floats, Floats]:
     """Factors (count,) and vectors (unknowns, count): ``-K_1 x = (1/factor) K_0 x``."""
     size = float(abs(K1).max()) if K1.nnz else 0.0
-    symmetric = not size or bool(abs(K1 - K1.T).max() <= SAME * size)
     n = K1.shape[0]
     many = min(n, count + SPARE)
-    if symmetric:
+    if not size or bool(abs(K1 - K1.T).max() <= SAME * size):
         K1 = (0.5 * (K1 + K1.T)).tocsr()
         if n <= EIGENVALUES or many > n // 3:
             X = eigh(-K1.toarray(), pencil.K.toarray())[1]
@@ -298,8 +298,7 @@ def _lanczos(K1: csr_matrix, pencil: Pencil, factors: Factorised, k: int, sign: 
     stiffness = LinearOperator((n, n), matvec=pencil.force, dtype=float)
     inverse = LinearOperator((n, n), matvec=lambda f: _solve(pencil, factors, f), dtype=float)
     start = np.random.default_rng(0).standard_normal(n)
-    basis = min(n, max(2 * k + 10, 40))
-    options = {"v0": start, "ncv": basis, "tol": TOLERANCE, "maxiter": 300}
+    options = {"v0": start, "ncv": min(n, max(2 * k + 10, 40)), "tol": TOLERANCE, "maxiter": 300}
     try:
         found = eigsh(-K1, k, M=stiffness, Minv=inverse, which=_WHICH[sign], **options)[1]
     except ArpackError as error:

@@ -93,7 +93,8 @@ def lowest(
     X = vectors()
     while X is None and made < 8:  # farther away rounding does less harm
         shift *= 10.0
-        factors, made = Factorised(K - shift * M), made + 1
+        factors = Factorised(K - shift * M)
+        made += 1
         X = vectors()
     if X is None:
         raise CosseratError(
@@ -103,15 +104,18 @@ def lowest(
     found = ritz(X, M, energies, shift)
     elastic = found.values[~found.zero]
     if len(elastic) and 0 < elastic[0] < -0.1 * shift:  # nearer to what is sought: more digits
-        far, shift = (shift, factors), -float(elastic[0])
-        factors, made = Factorised(K - shift * M), made + 1
+        far = (shift, factors)
+        shift = -float(elastic[0])
+        factors = Factorised(K - shift * M)
+        made += 1
         X = vectors()
         if X is None:
             shift, factors = far
         else:
             found = ritz(X, M, energies, shift)
     for seed in range(1, 4 if not whole else 1):
-        missing, made = _missing(K, M, found, count), made + 1
+        missing = _missing(K, M, found, count)
+        made += 1
         if missing <= 0:
             break
         wanted = min(n // 3, wanted + missing + SPARE)
@@ -119,10 +123,8 @@ def lowest(
         found = found if X is None else ritz(X, M, energies, shift)
     else:
         if not whole:
-            text = f"{missing} of the lowest eigenvalues may be missing"
-            warn("modes", text, IncompleteWarning)
-    first = found.values[:count], found.vectors[:, :count], found.zero[:count]
-    return Eigenpairs(*first, made)
+            warn("modes", f"{missing} of the lowest eigenvalues may be missing", IncompleteWarning)
+    return Eigenpairs(found.values[:count], found.vectors[:, :count], found.zero[:count], made)
 
 
 def _dense(K: csr_matrix, M: csr_matrix, shift: float, k: int) -> Floats:
@@ -131,14 +133,14 @@ def _dense(K: csr_matrix, M: csr_matrix, shift: float, k: int) -> Floats:
     A = (K - shift * M).toarray()
     scale = 1 / np.sqrt(np.diagonal(A))
     A, B = (scale[:, None] * S * scale for S in (A, M.toarray()))
-    vectors = eigh(B, A, subset_by_index=(n - k, n - 1))[1]
-    return scale[:, None] * vectors[:, ::-1]
+    return scale[:, None] * eigh(B, A, subset_by_index=(n - k, n - 1))[1][:, ::-1]
 
 
 def _below(K: csr_matrix, M: csr_matrix) -> tuple[float, Factorised, int]:
     """A shift below all eigenvalues, ``K - shift M`` factorised, and how many were."""
     top = float((abs(K.diagonal()) / M.diagonal()).max()) or 1.0
-    shift, made = -FIRST * top, 0
+    shift = -FIRST * top
+    made = 0
     while True:
         made += 1
         try:
@@ -176,7 +178,7 @@ def _missing(K: csr_matrix, M: csr_matrix, found: Eigenpairs, count: int) -> int
     Below a value in the widest gap behind those asked for.
     """
     gaps = np.diff(found.values[count - 1 :])
-    k = int(np.argmax(gaps))
+    k = int(gaps.argmax())
     try:
         negative = Factorised(K - (found.values[count - 1 + k] + 0.5 * gaps[k]) * M).negative
     except RuntimeError:  # a pivot vanishes: by chance the value is an eigenvalue of a part
@@ -200,14 +202,14 @@ def ritz(X: Floats, M: csr_matrix, energies: Energies, shift: float) -> Eigenpai
         X = X @ (scale[:, None] * turn)
         X /= np.sqrt(np.einsum("ik,ik->k", X, M @ X))
         energy, noise = energies(X)
-        values = np.diagonal(energy).copy()
+        values = energy.diagonal().copy()
         zero = abs(values) <= noise + SAME * abs(shift)
         elastic = values[~zero & (values > 0)]
         if not len(elastic) or elastic.min() < -10 * shift:
             break
         shift = -float(elastic.min())  # nearer: vectors are orthogonal to more digits
     values[zero] = 0.0
-    order = np.argsort(values, kind="stable")
+    order = values.argsort(kind="stable")
     return Eigenpairs(values[order], X[:, order], zero[order])
 
 
@@ -273,14 +275,13 @@ class Pencil:
 
     def force(self, x: Floats) -> Floats:
         """``K x`` (u,) for a vector, with strains differentiated first, see :meth:`energies`."""
-        system, tangent = self.at.system, self.at.tangent
+        system = self.at.system
+        tangent = self.at.tangent
         dq = tangent.P @ x
         nodal = np.zeros(system.n)
-        beams = zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True)
-        for group, B, D in beams:
+        for group, B, D in zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True):
             strain = (B @ dq[group.dofs][:, :, None]).reshape(len(B), -1, 6)
-            local = group.force(B, group.linear_stress(D, strain))
-            np.add.at(nodal, group.dofs, local)
+            np.add.at(nodal, group.dofs, group.force(B, group.linear_stress(D, strain)))
         return tangent.P.T @ nodal + self.rest @ x
 
     def energies(self, X: Array) -> tuple[Array, Floats]:
@@ -290,17 +291,17 @@ class Pencil:
         stiffer than bending, cancel in strains of order one and not in energies. So frequencies
         keep their digits at any slenderness, and rigid motions have no energy at all.
         """
-        system, tangent = self.at.system, self.at.tangent
+        system = self.at.system
+        tangent = self.at.tangent
         out = X.conj().T @ (self.rest @ X)
         noise = NOISE * EPS * np.einsum("ik,ik->k", abs(X), self.rest_size @ abs(X))
-        metric = np.einsum("ik,ik->k", abs(X), abs(tangent.metric) @ abs(X))
-        noise += self.at.error * metric
+        noise += self.at.error * np.einsum("ik,ik->k", abs(X), abs(tangent.metric) @ abs(X))
         noise += FAINT * EPS * np.einsum("ik,ik->k", abs(X), self._size @ abs(X))
         dq = tangent.P @ X
-        beams = zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True)
-        for group, B, D in beams:
+        for group, B, D in zip(system.beam_groups, tangent.balance.Bs, self.at.moduli, strict=True):
             local = dq[group.dofs]
-            ne, ng = len(B), len(group.elements.points)
+            ne = len(B)
+            ng = len(group.elements.points)
             strain = (B @ local).reshape(ne, ng, 6, -1)
             out = out + np.einsum("egik,egil->kl", strain.conj(), D @ strain, optimize=True)
             lost = NOISE * EPS * (abs(B) @ abs(local)).reshape(ne, ng, 6, -1)
@@ -316,8 +317,10 @@ def make_pencil(at: Equilibrium) -> Pencil:
     InputError
         If a motion has no inertia.
     """
-    system, tangent = at.system, at.tangent
-    P, balance = tangent.P, tangent.balance
+    system = at.system
+    tangent = at.tangent
+    P = tangent.P
+    balance = tangent.balance
     still = replace(balance, Bs=[np.zeros_like(B) for B in balance.Bs])
     blocks = balance_tangent(system, still, at.amplitudes)
     curved = curvature_matrix(system, balance.y, tangent.multipliers)
@@ -330,14 +333,12 @@ def make_pencil(at: Equilibrium) -> Pencil:
     conservative = bool(abs(rest - rest.T).max() <= SAME * size) if size else True
     if conservative:
         K, rest = (0.5 * (A + A.T) for A in (K, rest))
-    mass = kron(system.mass, identity(3))
-    M = congruent(P, mass)
+    M = congruent(P, kron(system.mass, identity(3)))
     M = (0.5 * (M + M.T)).tocsr()
     _check_inertia(system, M, tangent.metric)
     gyroscopic = None
     if at.amplitudes.spin is not None:
-        turning = kron(system.mass, skew(at.amplitudes.spin.velocity))
-        G = congruent(P, turning)
+        G = congruent(P, kron(system.mass, skew(at.amplitudes.spin.velocity)))
         gyroscopic = (G - G.T).tocsr()
         if not gyroscopic.count_nonzero():
             gyroscopic = None
@@ -355,7 +356,7 @@ def make_pencil(at: Equilibrium) -> Pencil:
 
 def _damping(system: System, y: Floats, P: csr_matrix, Bs: list[Array]) -> csr_matrix | None:
     """Viscous sections, drag, dampers."""
-    blocks = system.mass_tangent(0.0)
+    blocks = system.empty_tangent()
     for k, (group, B) in enumerate(zip(system.beam_groups, Bs, strict=True)):
         if group.viscous:
             blocks[k] += group.damping(B)
@@ -404,8 +405,7 @@ def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigen
     frequency: dense, or by Arnoldi's method. Where theory gives a Rayleigh quotient it follows.
     """
     K, M, C = pencil.K, pencil.M, pencil.C
-    half = 0.5 * (K + K.T)
-    still = lowest(half.tocsr(), M, min(K.shape[0], count + SPARE), pencil.energies)
+    still = lowest((0.5 * (K + K.T)).tocsr(), M, min(K.shape[0], count + SPARE), pencil.energies)
     free = still.vectors[:, still.zero] if pencil.conservative else still.vectors[:, :0]
     elastic = abs(still.values[~still.zero])
     scale = float(np.sqrt(elastic.min())) if len(elastic) and elastic.min() else 1.0
@@ -416,21 +416,21 @@ def spectrum(pencil: Pencil, count: int, dense: int = EIGENVALUES // 2) -> Eigen
     # equal real ones are pairs to rounding, of which none is to be left out
     values = np.where(abs(values.imag) <= FREE * abs(values), values.real, values)
     keep = np.flatnonzero(np.isfinite(values) & (values.imag >= 0))  # one of each pair
-    keep = keep[np.argsort(abs(values[keep]), kind="stable")][:wanted]
-    values, X = values[keep], X[:, keep]
+    keep = keep[abs(values[keep]).argsort(kind="stable")][:wanted]
+    values = values[keep]
+    X = X[:, keep]
     X = X / np.sqrt(np.einsum("ik,ik->k", X.conj(), M @ X).real)
     values = _improved(pencil, C, values, X, scale)
-    order = np.argsort(abs(values), kind="stable")
+    order = abs(values).argsort(kind="stable")
     order = order[values[order] != 0]  # those without stiffness are known already
     values = np.concatenate([np.zeros(free.shape[1]), values[order]])[:count]
-    X = np.concatenate([free, X[:, order]], axis=1)[:, :count]
+    X = np.concatenate([free, X[:, order]], 1)[:, :count]
     if len(values) < count:
         raise CosseratError(
             f"{len(values)} eigenvalues converged, {count} are wanted: real ones crowd together, as"
             " those of strong damping do"
         )
-    zero = np.arange(len(values)) < free.shape[1]
-    return Eigenpairs(values, X, zero, still.factorisations + 1)
+    return Eigenpairs(values, X, np.arange(len(values)) < free.shape[1], still.factorisations + 1)
 
 
 class _Inverse:
@@ -440,7 +440,7 @@ class _Inverse:
     as well.
     """
 
-    def __init__(self, K: csr_matrix, M: csr_matrix, C: csr_matrix, shift: float) -> None:
+    def __init__(self, K: csr_matrix, M: csr_matrix, C: csr_matrix, shift: float):
         self.n, self.M, self.shift = K.shape[0], M, shift
         self._right = C + shift * M
         try:
@@ -451,8 +451,8 @@ class _Inverse:
             ) from error
 
     def __call__(self, z: Array) -> Array:
-        a, b = z[: self.n], z[self.n :] * self.shift
-        x = -self._solve(self._right @ a + self.M @ b)
+        a = z[: self.n]
+        x = -self._solve(self._right @ a + self.M @ (z[self.n :] * self.shift))
         return np.concatenate([x, a / self.shift + x])
 
     def largest(self, k: int | None) -> tuple[Array, Array]:
@@ -499,8 +499,7 @@ def _improved(pencil: Pencil, C: csr_matrix, values: Array, X: Array, scale: flo
         return values
     out = values.copy()
     for i, (s, x) in enumerate(zip(values, X.T, strict=True)):
-        parts = np.column_stack([x.real, x.imag])
-        E, noise = pencil.energies(parts)
+        E, noise = pencil.energies(np.column_stack([x.real, x.imag]))
         k = E[0, 0] + E[1, 1]
         if abs(k) <= max(noise.sum(), FREE * scale**2):
             roots = np.array([0.0, -(x.conj() @ (C @ x))])
@@ -508,7 +507,8 @@ def _improved(pencil: Pencil, C: csr_matrix, values: Array, X: Array, scale: flo
         elif pencil.damping is None:
             roots = np.roots([1.0, 1j * (x.conj() @ (C @ x)).imag, k])
             roots = roots[abs(roots.real) <= STEADY * abs(roots)]
-            roots, near = 1j * roots.imag, STEADY * abs(s)
+            roots = 1j * roots.imag
+            near = STEADY * abs(s)
         elif pencil.gyroscopic is None and abs(m := x @ (pencil.M @ x)) > WEAK:
             roots = np.roots([m, x @ (C @ x), E[0, 0] - E[1, 1] + 2j * E[0, 1]])
             near = STEADY * abs(s)

@@ -116,7 +116,7 @@ def resting(
             "argument spin",
             "damping in proportion to mass is a drag against space: nothing turns steadily in it",
         )
-    y = system.extend(np.asarray(q, dtype=float), start.time)
+    y = system.extend(np.asarray(q, float), start.time)
     if wrong := broken_constraint(system, y):
         raise InputError("argument state", wrong)
     for chosen in system.closure.select(y, system.kinematics.values_at(y)):
@@ -159,7 +159,8 @@ def _from_history(
     if difference is not None:
         raise InputError("argument state", f"the history is of another model: {difference}")
     index = whole("argument state", index, None, "index of the history")
-    row, turns = history.row(index), recorded_turns(system, history, index)
+    row = history.row(index)
+    turns = recorded_turns(system, history, index)
     time = float(history.instants[index]) if t is None else t
     path = "load_factor" in row
     if path and t is None:
@@ -184,7 +185,8 @@ def check_amplitudes(system: System, amplitudes: Amplitudes) -> None:
     InputError
         If not.
     """
-    item, wanted = "argument amplitudes", _unloaded(system)
+    item = "argument amplitudes"
+    wanted = _unloaded(system)
     check_kind(item, amplitudes, Amplitudes, " of all loads")
     shaped(item, "loads", amplitudes.loads, wanted.loads.shape)
     shaped(item, "actuators", amplitudes.actuators, wanted.actuators.shape)
@@ -197,7 +199,8 @@ def _at_rest(
 
     Far from the origin, where coordinates are rounded, stresses are those of the exact equilibrium.
     """
-    at, metric = tangent.balance, tangent.metric.diagonal()
+    at = tangent.balance
+    metric = tangent.metric.diagonal()
     root = np.sqrt(metric)
     residual = abs(tangent.residual) / root
     terms = abs(at.external) + abs(at.R + at.external)
@@ -221,7 +224,8 @@ def _unrounded(
     system: System, tangent: ReducedTangent, amplitudes: Amplitudes
 ) -> ReducedTangent | None:
     """At the equilibrium nearby, if it is as near as coordinates are rounded; else None."""
-    at, origins = tangent.balance, system.origin_rows
+    at = tangent.balance
+    origins = system.origin_rows
     try:
         change = -(tangent.P @ splu(tangent.K.tocsc()).solve(tangent.residual)).reshape(-1, 3)
     except RuntimeError:  # singular

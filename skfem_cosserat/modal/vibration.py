@@ -20,7 +20,7 @@ from ..model.balance import Amplitudes, Spin
 from ..model.loops import moved
 from ..notebook import Shown
 from ..types import Array, FilePath, Floats, is_whole, largest, numbered, positive, whole
-from ..warn import Notices, counted, told
+from ..warn import Notice, Notices, counted, told
 from .eigen import Pencil, lowest, make_pencil, spectrum
 from .state import Equilibrium, StateLike, as_system, resting
 
@@ -69,12 +69,15 @@ class Animated(Shown):
             For a mode that is not there, for numbers that are not positive, or if a closed loop
             cannot follow so far.
         """
-        k, at = numbered("argument index", index, len(self.reduced), "modes"), self._at
-        s, x = self._eigenvalue(k), self.reduced[k]
+        k = numbered("argument index", index, len(self.reduced), "modes")
+        at = self._at
+        s = self._eigenvalue(k)
+        x = self.reduced[k]
         size = positive("argument amplitude", "amplitude", amplitude)
         whole("argument frames", frames, 1)
         whole("argument periods", periods, 1)
-        system, P = at.system, at.tangent.P
+        system = at.system
+        P = at.tangent.P
         x = size / _extent(system, at.y, P @ x) * x
         omega = abs(s.imag) if abs(s.imag) > 1e-9 * abs(s) else 2 * np.pi
         phases = 2 * np.pi / frames * np.arange(frames * periods + 1)
@@ -154,7 +157,8 @@ class Animated(Shown):
         """
         from ..picture import Look, film
 
-        history, rest = self.animation(index, amplitude, FRAMES), self.animation(index, 1e-9, 1)
+        history = self.animation(index, amplitude, FRAMES)
+        rest = self.animation(index, 1e-9, 1)
         texts = FRAMES * [self.called(index)]
         how = Look(**{"window": (960, 540)} | look)
         return film(history, path, range(FRAMES), texts, [rest.row(0)], fps, how)
@@ -171,7 +175,8 @@ def _extent(system: System, y: Floats, dq: Array) -> float:
 
 def _moved(at: Equilibrium, increment: Floats) -> Floats:
     """Configuration (n,) after a finite motion."""
-    system, y = at.system, at.y
+    system = at.system
+    y = at.y
     found = moved(system, y, y[system.rows :], increment)
     if found is None:
         raise InputError(
@@ -187,7 +192,7 @@ GROWTH = 1e-9
 
 
 @checked
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class Modes(Animated):
     """Modes ``dq = Re(shape exp(s t))``, the slowest first.
 
@@ -224,7 +229,7 @@ class Modes(Animated):
     t: float
     factorisations: int
     _at: Equilibrium
-    warnings: list[dict[str, Any]] = field(default_factory=list)
+    warnings: list[Notice] = field(default_factory=list)
 
     def called(self, index: int) -> str:
         """Its number and frequency."""
@@ -385,26 +390,29 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
         found = lowest(pencil.K, pencil.M, count, pencil.energies)
         s = np.sqrt(-found.values.astype(complex))
         s = np.where(found.values > 0, 1j * abs(s), abs(s))
-        order = np.argsort(~found.zero, kind="stable")
-        s, X = s[order], found.vectors[:, order]
+        order = (~found.zero).argsort(kind="stable")
+        s = s[order]
+        X = found.vectors[:, order]
     else:
         found = spectrum(pencil, count)
-        s, X = found.values, found.vectors
+        s = found.values
+        X = found.vectors
     return s, led(X, pencil.M), int(found.zero.sum()), found.factorisations
 
 
 def led(X: Array, metric: csr_matrix) -> Array:
     """Shapes (unknowns, count) whose largest entries, by a metric, are positive."""
-    top = np.argmax(abs(X) * np.sqrt(metric.diagonal())[:, None], axis=0)
+    top = np.argmax(abs(X) * np.sqrt(metric.diagonal())[:, None], 0)
     lead = X[top, np.arange(X.shape[1])]
     return X * (abs(lead) / lead)
 
 
 def _shapes(pencil: Pencil, s: Array, X: Array) -> checks.Shapes:
     """Modes for :mod:`checks`: those without damping, which have nearly the same shapes."""
-    at, system = pencil.at, pencil.at.system
+    at = pencil.at
+    system = pencil.at.system
     parts, noise = pencil.energies(X)
-    energy = np.diagonal(parts).real
+    energy = parts.diagonal().real
     squares = energy / np.einsum("ik,ik->k", X.conj(), pencil.M @ X).real
     state = system, at.y, at.tangent.balance.stresses, at.tangent.multipliers, at.amplitudes
     found = []

@@ -45,7 +45,7 @@ class Spin(Frozen):
     velocity: Floats
     point: Floats
 
-    def __init__(self, velocity: VectorLike, point: VectorLike = (0.0, 0.0, 0.0)) -> None:
+    def __init__(self, velocity: VectorLike, point: VectorLike = (0.0, 0.0, 0.0)):
         for name, value in (("velocity", velocity), ("point", point)):
             object.__setattr__(self, name, vector("spin", name, value))
 
@@ -160,7 +160,8 @@ def balance(
     """
     groups = system.beam_groups
     both = system.strain(y)
-    strains, Bs = [eps for eps, _ in both], [B for _, B in both]
+    strains = [eps for eps, _ in both]
+    Bs = [B for _, B in both]
     stresses = [g.stress(eps) for g, eps in zip(groups, strains, strict=True)]
     if viscous and ydot is not None and system.damped:
         stresses = [
@@ -172,9 +173,8 @@ def balance(
         internal = internal + system.drag @ ydot[: system.rows]
     coupled = None
     if system.couplings.count:
-        origin = np.real(y) if before is None else before
         now = amplitudes.actuators, 1.0, amplitudes.time
-        start = system.couplings.starting(origin, turns, *now)
+        start = system.couplings.starting(np.real(y) if before is None else before, turns, *now)
         coupled = system.couplings.static(start, y, ydot, share)
         internal = internal + coupled.force[: system.rows]
     external = external_force(system, y, amplitudes)
@@ -204,7 +204,7 @@ def balance_tangent(
     stresses : list of arrays, optional
         Stresses of the geometric part instead of those at y, see :func:`predicted`.
     """
-    blocks = system.mass_tangent(0.0)
+    blocks = system.empty_tangent()
     used = at.stresses if stresses is None else stresses
     for k, g in enumerate(system.beam_groups):
         B = at.Bs[k]
@@ -213,8 +213,7 @@ def balance_tangent(
         system.loading.add_tangent(blocks, at.y[: system.rows], amplitudes.loads, -1.0)
     if amplitudes.spin is not None:
         for k, group in enumerate(system.groups):
-            turned = np.kron(np.eye(group.rows.shape[1]), amplitudes.spin.square)
-            blocks[k] += group.mass @ turned
+            blocks[k] += group.mass @ np.kron(np.eye(group.rows.shape[1]), amplitudes.spin.square)
     if at.coupled is not None:
         blocks.append(system.couplings.tangent(at.coupled, 1.0))
     return blocks

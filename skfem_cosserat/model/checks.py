@@ -11,9 +11,8 @@ from scipy.linalg import null_space
 
 from ..errors import InputError
 from ..joint import Joint, JointDrive
-from ..kernels import null_space_blocks
+from ..kernels import mass_blocks, null_space_blocks
 from ..types import SAME, TOLERANCE, Floats, IndexArray
-from .groups import mass_blocks
 from .kinematics import Kinematics
 from .tree import Spot
 
@@ -73,13 +72,14 @@ def check_inertia(system: System, y: Floats, closure: Callable[[], Floats]) -> N
         Gives independent rows (r, unknowns) of the joints that close loops: they hold
         coordinates, too.
     """
-    kin, tree = system.kinematics, system.tree
+    kin = system.kinematics
+    tree = system.tree
     inertia = _vertex_inertia(system, y)
     fixed = kin.fixed_axes(y)
     linked = {v for e in tree.edges for v in (e.child, e.parent)}
     linked |= _holding(system)
     # vertices that nothing holds, all at once
-    alone = np.array([v for v in tree.free if v not in linked], dtype=np.int64)
+    alone = np.array([v for v in tree.free if v not in linked], np.int64)
     for vertices in (kin.frames, kin.points):
         free = np.intersect1d(vertices, alone)
         if len(free):
@@ -98,7 +98,8 @@ def check_inertia(system: System, y: Floats, closure: Callable[[], Floats]) -> N
             continue
         A = np.zeros((len(coordinates),) * 2)
         for v in members:
-            start, size = int(kin.twist_of[v]), 6 if tree.is_frame[v] else 3
+            start = int(kin.twist_of[v])
+            size = 6 if tree.is_frame[v] else 3
             local = T[start : start + size][:, coordinates].toarray()
             A += local.T @ inertia[v, :size, :size] @ local
         worst, number = _weakest(A[None], rows[:, coordinates])
@@ -113,9 +114,11 @@ def _clearly_inert(kin: Kinematics, inertia: Floats, y: Floats, fixed: Floats) -
     """
     maps = kin.recursion
     S, X, used = maps.blocks(y, fixed)
-    free, locked = inertia.copy(), inertia.copy()
+    free = inertia.copy()
+    locked = inertia.copy()
     unused = np.eye(6) * ~used[:, None]
-    pivots, sizes = np.empty_like(S), np.empty(S.shape[:2])
+    pivots = np.empty_like(S)
+    sizes = np.empty(S.shape[:2])
 
     def pivot(v: IndexArray) -> tuple[Floats, Floats]:
         """``I S`` of vertices v, and their pivots ``S^T I S``, which are stored as well."""
@@ -129,7 +132,8 @@ def _clearly_inert(kin: Kinematics, inertia: Floats, y: Floats, fixed: Floats) -
         U, D = pivot(child)
         rest = free[child] - U @ np.linalg.solve(D, U.transpose(0, 2, 1))
         up = maps.held[level]
-        parent, right = maps.parent[level[up]], X[level[up]]
+        parent = maps.parent[level[up]]
+        right = X[level[up]]
         left = right.transpose(0, 2, 1)
         np.add.at(locked, parent, left @ free[child[up]] @ right)
         np.add.at(free, parent, left @ rest[up] @ right)
@@ -162,7 +166,7 @@ def _weakest(blocks: Floats, closure: Floats | None = None) -> tuple[int, int]:
         if not held.shape[1]:
             return -1, -1
         found = massless @ held[:, 0]
-    return e, int(np.argmax(abs(found)))
+    return e, int(abs(found).argmax())
 
 
 def _holding(system: System) -> set[int]:

@@ -23,7 +23,7 @@ from scipy.sparse.csgraph import connected_components
 
 from ..kernels import skew
 from ..pattern import FrozenPattern, sum_at
-from ..types import TOLERANCE, Array, Floats, IndexArray
+from ..types import NO_INDICES, TOLERANCE, Array, Floats, IndexArray
 from .kinematics import Kinematics
 from .quadratic import QuadraticConstraints
 
@@ -46,10 +46,9 @@ class RowsByTwists:
         Where the entries are: `row` among those given.
     """
 
-    def __init__(
-        self, kinematics: Kinematics, constraints: QuadraticConstraints, rows: IndexArray
-    ) -> None:
-        self._constraints, self._shape = constraints, (len(rows), kinematics.n_twist)
+    def __init__(self, kinematics: Kinematics, constraints: QuadraticConstraints, rows: IndexArray):
+        self._constraints = constraints
+        self._shape = (len(rows), kinematics.n_twist)
         number = np.full(constraints.size, -1)
         number[rows] = np.arange(len(rows))
         which = constraints.inside[number[constraints.rows[constraints.inside]] >= 0]
@@ -57,7 +56,8 @@ class RowsByTwists:
         row = number[constraints.rows[which]]
         y_row, component = np.divmod(constraints.cols[which], 3)
         turning = kinematics.row_is_director[y_row]
-        self._plain, self._turning = np.flatnonzero(~turning), np.flatnonzero(turning)
+        self._plain = np.flatnonzero(~turning)
+        self._turning = np.flatnonzero(turning)
         base = kinematics.row_twist[y_row]
         shifts = base[self._plain] + component[self._plain]
         turns = base[self._turning][:, None] + np.arange(3)
@@ -69,7 +69,7 @@ class RowsByTwists:
     def values(self, y: Array) -> Array:
         """Entries at y (total, 3)."""
         if not len(self.row):
-            return np.zeros(0, dtype=y.dtype)
+            return np.zeros(0, y.dtype)
         values = self._constraints.jacobian_values(y)[self._entries]
         # moment of a force e_c on a director: d x e_c
         arms = skew(y[self._director])[np.arange(len(self._director)), :, self._component]
@@ -123,7 +123,7 @@ class Selected:
     @property
     def pivots(self) -> Floats:
         """Sizes of the diagonal of R, of all rows but strains, against the largest of all."""
-        d = abs(np.diagonal(self.R))
+        d = abs(self.R.diagonal())
         return d[self.component.held :] / d.max(initial=1e-300)
 
     @property
@@ -142,8 +142,7 @@ class Selected:
 
         Directions that a singular configuration does not see are left alone.
         """
-        ok = self.pivots > SINGULAR
-        if ok.all():
+        if (self.pivots > SINGULAR).all():
             step = self.Q1 @ solve_triangular(self.R, violation, trans="T")
         else:
             step = np.linalg.lstsq((self.Q1 @ self.R).T, violation, rcond=SINGULAR)[0]
@@ -154,7 +153,7 @@ class Selected:
         if not (self.pivots > SINGULAR).all():
             scaled = self.component.scale * force
             nearest = np.linalg.lstsq(self.Q1 @ self.R, scaled, rcond=SINGULAR)[0]
-            return np.asarray(nearest, dtype=float)
+            return np.asarray(nearest, float)
         return solve_triangular(self.R, self.Q1.T @ (self.component.scale * force))
 
 
@@ -187,8 +186,9 @@ class Closure:
         rows: IndexArray,
         length: float,
         strains: IndexArray,
-    ) -> None:
-        self.kin, self._length = kinematics, length
+    ):
+        self.kin = kinematics
+        self._length = length
         self.rows = np.concatenate([strains, rows])
         self.components: list[CoupledLoops] = []
         self.magnitude = np.ones(len(self.rows))
@@ -202,9 +202,9 @@ class Closure:
         order, cols, begin = kin.T.structure
         size = np.diff(begin)[self._twist]
         #: each entry of ``G_loop P_int`` with each of T in the row of its twist
-        self._of_G = np.repeat(np.arange(G.nnz), size)
+        self._of_G = np.arange(G.nnz).repeat(size)
         place = np.arange(len(self._of_G)) + np.repeat(
-            begin[self._twist] - np.cumsum(size) + size, size
+            begin[self._twist] - size.cumsum() + size, size
         )
         self._of_T, row, col = order[place], G.indices[self._of_G], cols[place]
         graph = coo_matrix(
@@ -212,8 +212,9 @@ class Closure:
         )
         _, label = connected_components(graph, directed=False)
         _, found, label = np.unique(label, return_index=True, return_inverse=True)
-        label = np.argsort(np.argsort(found))[label]  # rows come first, so do their components
-        of_row, parts = label[:count], int(label[:count].max()) + 1
+        label = found.argsort().argsort()[label]  # rows come first, so do their components
+        of_row = label[:count]
+        parts = int(label[:count].max()) + 1
         place, rows = _grouped(of_row, parts)
         column, columns = _grouped(label[count:], parts)
         scale = kin.scale(self._length)
@@ -236,7 +237,7 @@ class Closure:
     @property
     def _twist(self) -> IndexArray:
         """Twist of each entry of ``G_loop P_int``."""
-        return np.repeat(np.arange(self.kin.n_twist), np.diff(self._by_twists.pattern.indptr))
+        return self._by_twists.pattern.columns
 
     def _entries(self, y: Array) -> Array:
         return self._by_twists.pattern.data(self._by_twists.values(y))
@@ -258,7 +259,7 @@ class Closure:
         terms = self._entries(y) ** 2 * square[self._twist]  # translations relative to the scene
         size = np.sqrt(np.bincount(self._by_twists.pattern.indices, terms, len(self.rows)))
         self.magnitude = np.where(size > 0, size, 1.0)
-        redundant = [np.zeros(0, dtype=np.int64)]
+        redundant = [NO_INDICES]
         for c, C in zip(self.components, self.matrices(y, T), strict=True):
             order, d = pivoted(C, c.held)
             largest = max(1.0, d.max(initial=0.0))
@@ -289,15 +290,16 @@ class Closure:
 
     def null_pattern(self) -> tuple[IndexArray, IndexArray, int]:
         """Rows and columns of the entries of Z, and how many of the first ones are 1."""
-        apart = np.ones(self.kin.unknowns, dtype=bool)
+        apart = np.ones(self.kin.unknowns, bool)
         for c in self.components:
             apart[c.columns] = False
         single = np.flatnonzero(apart)
-        rows, cols = [single], [np.arange(len(single))]
+        rows = [single]
+        cols = [np.arange(len(single))]
         start = len(single)
         for c in self.components:
             free = start + np.arange(c.free)
-            rows.append(np.repeat(c.columns, c.free))
+            rows.append(c.columns.repeat(c.free))
             cols.append(np.tile(free, len(c.columns)))
             start += c.free
         return np.concatenate(rows), np.concatenate(cols), len(single)
@@ -318,9 +320,9 @@ class Closure:
 
 def _grouped(label: IndexArray, count: int) -> tuple[IndexArray, list[IndexArray]]:
     """Place of each in its group, and the members of the groups 0 to count - 1, in order."""
-    order = np.argsort(label, kind="stable")
+    order = label.argsort(kind="stable")
     starts = np.searchsorted(label[order], np.arange(count + 1))
-    place = np.zeros(len(label), dtype=np.int64)
+    place = np.zeros(len(label), np.int64)
     known = order[: starts[-1]]
     place[known] = np.arange(len(known)) - starts[label[known]]
     return place, np.split(order, starts[1:])[:count]

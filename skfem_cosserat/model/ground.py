@@ -34,7 +34,7 @@ class Ground:
         Four for each frame.
     """
 
-    def __init__(self, places: Sequence[Place]) -> None:
+    def __init__(self, places: Sequence[Place]):
         moving = {id(place): place for place in places if place.motion is not None}
         self.moving = list(moving.values())
         self._number = {place: k for k, place in enumerate(self.moving, 1)}
@@ -122,10 +122,12 @@ class Ground:
             rate = (48 * g[0] - 36 * g[1] + 16 * g[2] - 3 * g[3]) / (12 * width)
             change = np.inf if before is None else float(abs(rate - before).max())
             if change < error:
-                best, error = rate, change
+                best = rate
+                error = change
             if change <= 1e-12 * abs(rate).max():
                 break
-            before, width = rate, width / 4
+            before = rate
+            width = width / 4
         return best, error
 
 

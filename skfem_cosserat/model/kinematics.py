@@ -48,9 +48,9 @@ class Located:
 
 def combination(terms: Sequence[Sequence[tuple[int, float]]]) -> tuple[IndexArray, Floats]:
     """Rows of y (k, r) and factors (k, 1, r) whose sums the terms are, zeros added."""
-    size = max((len(t) for t in terms), default=0)
+    size = max(map(len, terms), default=0)
     full = [[*t, *[(0, 0.0)] * (size - len(t))] for t in terms]
-    array = np.array(full, dtype=float).reshape(len(terms), size, 2)
+    array = np.array(full, float).reshape(len(terms), size, 2)
     return array[:, :, 0].astype(np.int64), array[:, None, :, 1].copy()
 
 
@@ -67,17 +67,17 @@ class Kinematics:
         Rows of y, ground included.
     """
 
-    def __init__(self, tree: Tree, row: IndexArray, is_frame: IndexArray, total: int) -> None:
+    def __init__(self, tree: Tree, row: IndexArray, is_frame: IndexArray, total: int):
         nv = len(is_frame)
         self.tree, self.row, self.total = tree, row, total
         size = np.where(is_frame, 6, 3)
-        self.twist_of = np.concatenate([[0], np.cumsum(size)])[:-1].astype(np.int64)
+        self.twist_of = np.concatenate([[0], size.cumsum()])[:-1].astype(np.int64)
         self.n_twist = int(size.sum())
         self.unknowns = tree.count
         #: first twist number that moves each unknown row of y, and which of them are directors
         free = 4 * int(is_frame.sum()) + int((~is_frame).sum())
-        self.row_twist = np.zeros(free, dtype=np.int64)
-        self.row_is_director = np.zeros(free, dtype=bool)
+        self.row_twist = np.zeros(free, np.int64)
+        self.row_is_director = np.zeros(free, bool)
         self.row_twist[row[:nv]] = self.twist_of
         for k in (1, 2, 3):
             directors = row[:nv][is_frame] + k
@@ -92,7 +92,7 @@ class Kinematics:
         # forces on frames and points, then moments: which make up a twist force, three by three
         self._force_rows = np.concatenate([self.frame_rows, row[self.points]])
         first = [self.frame_twist[:, 0], self.point_twist[:, 0], self.frame_twist[:, 3]]
-        self._by_twist = np.argsort(np.concatenate(first))
+        self._by_twist = np.concatenate(first).argsort()
         self.frame_row = np.where(is_frame, row[:nv], -1)
         #: (coordinate numbers, (parent spot, child spot)) of points that move on spheres
         self.spheres = [
@@ -106,13 +106,13 @@ class Kinematics:
         # as if no vertex had a parent: translations, then rotations; driven ones behind all others
         size = np.array([*map(len, tree.own), len(tree.driven)])
         #: vertex of each coordinate; numbers of those of each kind
-        self.vertex = np.repeat(np.arange(nv + 1), size)
-        place = np.arange(len(self.vertex)) - (np.cumsum(size) - size)[self.vertex]
+        self.vertex = np.arange(nv + 1).repeat(size)
+        place = np.arange(len(self.vertex)) - (size.cumsum() - size)[self.vertex]
         axes = np.concatenate([tree.directions, tree.axes])
         self.axis = axes[np.minimum(place, len(axes) - 1)]
         kinds = (place >= len(tree.directions)).astype(np.int8)
         joint = [*tree.coordinates.values(), *tree.driven]
-        own = np.array([c.number for c in joint], dtype=np.int64)
+        own = np.array([c.number for c in joint], np.int64)
         self.vertex[own] = [c.vertex for c in joint]
         self.axis[own] = np.array([c.axis for c in joint]).reshape(-1, 3)
         kinds[own] = [KINDS.index(c.kind) for c in joint]
@@ -163,7 +163,7 @@ class Kinematics:
     def material_axes(self, y: Array) -> tuple[Array, Array, Array]:
         """Axes of hinges, left and right vectors of slides at y."""
         rows, factors = self._axes
-        return self.split((factors @ y.take(rows, axis=0))[:, 0])
+        return self.split((factors @ y.take(rows, 0))[:, 0])
 
     def split(self, axes: Array) -> tuple[Array, Array, Array]:
         """Split axes into those of hinges, and left and right vectors of slides."""
@@ -181,19 +181,19 @@ class Kinematics:
 
     def directors(self, y: Array) -> Array:
         """Directors (nf, 3, 3) of the frames, rows d1, d2, d3."""
-        return y.take(self.director_rows, axis=0)
+        return y.take(self.director_rows, 0)
 
     def twist_force(self, y: Array, force: Array) -> Array:
         """``P_int(y)^T f``: force and moment of each vertex, (n_twist,) from (nv, 3)."""
         parts = [
-            force.take(self._force_rows, axis=0),
-            director_force(self.directors(y), force.take(self.director_rows, axis=0)),
+            force.take(self._force_rows, 0),
+            director_force(self.directors(y), force.take(self.director_rows, 0)),
         ]
-        return np.concatenate(parts).take(self._by_twist, axis=0).ravel()
+        return np.concatenate(parts).take(self._by_twist, 0).ravel()
 
     def rates(self, y: Array, twist: Array) -> Array:
         """``P_int(y) t``: rates of the rows of y that are unknowns."""
-        out = np.zeros((len(self.row_twist), 3), dtype=np.result_type(y, twist))
+        out = np.zeros((len(self.row_twist), 3), np.result_type(y, twist))
         omega = twist[self.frame_twist[:, 3:]]
         out[self.frame_rows] = twist[self.frame_twist[:, :3]]
         out[self.director_rows] = cross(omega[:, None, :], self.directors(y))
@@ -252,7 +252,7 @@ class TwistMap:
         Which coordinate moves which vertex.
     """
 
-    def __init__(self, kinematics: Kinematics, pairs: Pairs) -> None:
+    def __init__(self, kinematics: Kinematics, pairs: Pairs):
         kin = self.kin = kinematics
         self.shape = kin.n_twist, kin.unknowns
         place = np.full(len(kin.vertex), -1)  # among hinges, or slides
@@ -262,7 +262,8 @@ class TwistMap:
         turning = pairs.some(pairs.target >= 0)
         shifting = pairs.some((pairs.target < 0) & ~sliding)
         slides = pairs.some((pairs.target < 0) & sliding)
-        self.pair_vertex, self.pair_number = turning.vertex, turning.number
+        self.pair_vertex = turning.vertex
+        self.pair_number = turning.number
         self.slide_number = slides.number
         self._slide_of = place[slides.number]
         self.pair_rotates = np.flatnonzero(turning.rotates & (kin.frame_row[turning.vertex] >= 0))
@@ -271,12 +272,11 @@ class TwistMap:
         known = list(kin.tree.spots)
         first = np.full(len(known), len(both))
         first[both[::-1]] = np.arange(len(both))[::-1]  # what is written last stays
-        order = np.argsort(first, kind="stable")
+        order = first.argsort(kind="stable")
         self.spots = [known[k] for k in order[: (first < len(both)).sum()]]
-        self.pair_target, self.pair_centre = np.split(np.argsort(order)[both], 2)
+        self.pair_target, self.pair_centre = np.split(order.argsort()[both], 2)
         # spots, then material axes: one product gives all points and axes of a configuration
-        spot_terms = [kin.spot_terms(s) for s in self.spots]
-        self._combine = combination(spot_terms + kin.axis_terms)
+        self._combine = combination([kin.spot_terms(s) for s in self.spots] + kin.axis_terms)
         on_hinge = np.isin(turning.number, kin.hinges)
         #: where axes of pairs are: among those that are fixed, then those of hinges
         self._axis_of = np.where(on_hinge, len(kin.axis) + place[turning.number], turning.number)
@@ -286,17 +286,17 @@ class TwistMap:
         """Identity of free vertices, constant shifts, turning pairs, slides."""
         kin = self.kin
         tree = kin.tree
-        own = np.array([k for v in tree.free for k in tree.own[v]], dtype=np.int64)
+        own = np.array([k for v in tree.free for k in tree.own[v]], np.int64)
         first = kin.twist_of[kin.vertex[own]] + 3 * np.isin(own, kin.numbers["rotation"])
-        which, along = np.nonzero(kin.axis[own])
+        which, along = kin.axis[own].nonzero()
         base = kin.twist_of[shifting.vertex][:, None] + np.arange(3)
         free_rows = np.concatenate([first[which] + along, base.ravel()])
-        free_cols = np.concatenate([own[which], np.repeat(shifting.number, 3)])
+        free_cols = np.concatenate([own[which], shifting.number.repeat(3)])
         self._constant = np.concatenate(
             [kin.axis[own][which, along], kin.axis[shifting.number].ravel()]
         )
         base = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
-        number = np.repeat(self.pair_number[:, None], 3, axis=1)
+        number = self.pair_number[:, None].repeat(3, 1)
         self._slide_twist = kin.twist_of[slide_vertex][:, None] + np.arange(3)
         self.rows = np.concatenate(
             [
@@ -311,7 +311,7 @@ class TwistMap:
                 free_cols,
                 number.ravel(),
                 number[self.pair_rotates].ravel(),
-                np.repeat(self.slide_number, 3),
+                self.slide_number.repeat(3),
             ]
         )
         #: entries that are 1 at any configuration
@@ -327,9 +327,10 @@ class TwistMap:
     @cached_property
     def _moved(self) -> _Moved:
         """Made when first asked for: the full map of a chain has the square of its pairs."""
-        kin, number = self.kin, self.pair_number
+        kin = self.kin
+        number = self.pair_number
         nv = len(kin.twist_of)
-        track = np.array([c.guide for c in kin.sliding], dtype=np.int64)[self._slide_of]
+        track = np.array([c.guide for c in kin.sliding], np.int64)[self._slide_of]
         on_track = np.flatnonzero(track < nv)
         guides = np.full(kin.unknowns, -1)
         for k, c in kin.tree.coordinates.items():
@@ -339,11 +340,10 @@ class TwistMap:
         pair_twist = kin.twist_of[self.pair_vertex][:, None] + np.arange(3)
         # targets, then centres, as far as they move with a vertex; which of them feel its rotation
         spots = np.concatenate([self.pair_target, self.pair_centre])
-        of_spot = np.array([s.vertex for s in self.spots], dtype=np.int64)
-        turns = np.array([any(s.offset) for s in self.spots], dtype=bool)
+        of_spot = np.array([s.vertex for s in self.spots], np.int64)
         on = np.flatnonzero(of_spot[spots] < nv)
         moving = spots[on]
-        turning = np.flatnonzero(turns[moving])
+        turning = np.flatnonzero(np.array([any(s.offset) for s in self.spots], bool)[moving])
         return _Moved(
             on_track,
             kin.twist_of[track[on_track]] + 3,
@@ -362,17 +362,19 @@ class TwistMap:
     def locate(self, y: Array, fixed: Floats) -> Located:
         """Points and axes of the tree at configuration y."""
         rows, factors = self._combine
-        both = (factors @ y.take(rows, axis=0))[:, 0]
-        x, axes = both[: len(self.spots)], both[len(self.spots) :]
-        hinges, left, right = self.kin.split(axes)
-        axis = np.concatenate([fixed, hinges]).take(self._axis_of, axis=0)
-        arm = x.take(self.pair_target, axis=0) - x.take(self.pair_centre, axis=0)
-        left, right = left[self._slide_of], right[self._slide_of]
+        both = (factors @ y.take(rows, 0))[:, 0]
+        x = both[: len(self.spots)]
+        hinges, left, right = self.kin.split(both[len(self.spots) :])
+        axis = np.concatenate([fixed, hinges]).take(self._axis_of, 0)
+        arm = x.take(self.pair_target, 0) - x.take(self.pair_centre, 0)
+        left = left[self._slide_of]
+        right = right[self._slide_of]
         return Located(y, x, axis, arm, left, right, cross(left, right))
 
     def values(self, at: Located) -> Array:
         """Entries of T at ``(rows, cols)``."""
-        shift, turn = cross(at.axis, at.arm), at.axis.take(self.pair_rotates, axis=0)
+        shift = cross(at.axis, at.arm)
+        turn = at.axis.take(self.pair_rotates, 0)
         return np.concatenate([self._constant, shift.ravel(), turn.ravel(), at.slide.ravel()])
 
     def reduce(self, values: Array, twist_force: Array) -> Array:
@@ -392,12 +394,14 @@ class TwistMap:
 
     def curvature_pattern(self) -> tuple[IndexArray, IndexArray]:
         """Rows (unknowns) and columns (twists) of :meth:`curvature_values`."""
-        on, guided = self._moved, self._moved.guided
-        number, turning = self.pair_number[on.spot_pair], on.turning
-        rows = [np.repeat(n, 3) for n in (self.pair_number[guided], number, number[turning])]
+        on = self._moved
+        guided = self._moved.guided
+        number = self.pair_number[on.spot_pair]
+        turning = on.turning
+        rows = [n.repeat(3) for n in (self.pair_number[guided], number, number[turning])]
         twists = (on.guide_twist, on.spot_twist, on.spot_twist[turning] + 3)
         cols = [(twist[:, None] + np.arange(3)).ravel() for twist in twists]
-        rows.append(np.repeat(self.slide_number[on.track], 3))
+        rows.append(self.slide_number[on.track].repeat(3))
         cols.append((on.track_twist[:, None] + np.arange(3)).ravel())
         return np.concatenate(rows), np.concatenate(cols)
 
@@ -408,16 +412,17 @@ class TwistMap:
         """
         moved = self._moved
         force = twist_force.take(moved.pair_twist)
-        guided, on = moved.guided, moved.track
+        guided = moved.guided
+        on = moved.track
         moment = cross(at.arm, force)
         moment[self.pair_rotates] += twist_force.take(moved.rotated_twist)
-        turned = cross(at1.axis.take(guided, axis=0), moment.take(guided, axis=0))
-        signed = moved.spot_sign * cross(force, at.axis).take(moved.spot_pair, axis=0)
-        arm = at1.x.take(moved.spot, axis=0) - at1.y.take(moved.spot_row, axis=0)
+        turned = cross(at1.axis.take(guided, 0), moment.take(guided, 0))
+        signed = moved.spot_sign * cross(force, at.axis).take(moved.spot_pair, 0)
+        arm = at1.x.take(moved.spot, 0) - at1.y.take(moved.spot_row, 0)
         f = twist_force[self._slide_twist[on]]
         slid = cross(at1.left[on], cross(at.right[on], f))
         slid += cross(at1.right[on], cross(f, at.left[on]))
-        swung = cross(arm, signed.take(moved.turning, axis=0))
+        swung = cross(arm, signed.take(moved.turning, 0))
         return np.concatenate([turned, signed, swung, slid]).ravel()
 
 
@@ -448,17 +453,18 @@ class Recursion:
         Edges whose children are equally far from the root.
     """
 
-    def __init__(self, kinematics: Kinematics) -> None:
+    def __init__(self, kinematics: Kinematics):
         kin = self.kin = kinematics
-        tree, nv = kin.tree, len(kin.twist_of)
+        tree = kin.tree
+        nv = len(kin.twist_of)
         edges = tree.edges
         self.own = TwistMap(kin, Pairs.of([pair for e in edges for pair in tree.own_pairs(e)]))
-        self.child = np.array([e.child for e in edges], dtype=np.int64)
-        self.parent = np.array([e.parent for e in edges], dtype=np.int64)
+        self.child = np.array([e.child for e in edges], np.int64)
+        self.parent = np.array([e.parent for e in edges], np.int64)
         self.held = self.parent < nv
-        self.roots = np.intersect1d(np.array(tree.free, dtype=np.int64), self.parent)
-        depth = np.array([tree.depth[e.child] for e in edges], dtype=np.int64)
-        order = np.argsort(depth, kind="stable")
+        self.roots = np.intersect1d(np.array(tree.free, np.int64), self.parent)
+        depth = np.array([tree.depth[e.child] for e in edges], np.int64)
+        order = depth.argsort(kind="stable")
         self.levels = np.split(order, np.flatnonzero(np.diff(depth[order])) + 1)
         frame = np.array(tree.is_frame)
         self.turns = np.flatnonzero(self.held)[frame[self.parent[self.held]]]
@@ -506,7 +512,7 @@ class Recursion:
         if np.iscomplexobj(rhs) and not np.iscomplexobj(values):
             real, imaginary = (self._solved(values, part, trans) for part in (rhs.real, rhs.imag))
             return real + 1j * imaginary
-        out = np.empty(len(rhs), dtype=np.result_type(values, rhs))
+        out = np.empty(len(rhs), np.result_type(values, rhs))
         out[self._order] = lu.solve(rhs[self._order].astype(out.dtype), trans)
         return out
 
@@ -514,7 +520,8 @@ class Recursion:
     def transport(self) -> tuple[IndexArray, IndexArray]:
         """Rows and columns of ``1 - X``: ones, what is passed on as it is, arms of rotations."""
         kin, xyz, twist = self.kin, np.arange(3), self.kin.twist_of
-        child, parent = twist[self.child[self.held]], twist[self.parent[self.held]]
+        child = twist[self.child[self.held]]
+        parent = twist[self.parent[self.held]]
         turned, turning = (twist[v[self.relative]] + 3 for v in (self.child, self.parent))
         ones = np.arange(kin.n_twist)
         moved = twist[self.child[self.turns]][:, None, None] + xyz[:, None]
@@ -541,7 +548,7 @@ class Recursion:
     def _vertex(self) -> IndexArray:
         """Vertex of each twist."""
         twist = self.kin.twist_of
-        return np.repeat(np.arange(len(twist)), np.diff(twist, append=self.kin.n_twist))
+        return np.arange(len(twist)).repeat(np.diff(twist, append=self.kin.n_twist))
 
     @property
     def below(self) -> NDArray[np.bool_]:
@@ -551,22 +558,24 @@ class Recursion:
     @cached_property
     def _order(self) -> IndexArray:
         """Twists of all vertices, parents before children."""
-        tree, count = self.kin.tree, len(self.kin.twist_of)
+        tree = self.kin.tree
+        count = len(self.kin.twist_of)
         depth = np.array([tree.depth.get(v, 0) for v in range(count)])
-        return np.argsort(depth[self._vertex], kind="stable")
+        return depth[self._vertex].argsort(kind="stable")
 
     @cached_property
     def _pattern(self) -> FrozenPattern:
         """Sparsity pattern of ``1 - X``, with twists ordered from parents to children."""
         i, j = self.transport
-        position, size = np.empty_like(self._order), self.kin.n_twist
+        position = np.empty_like(self._order)
+        size = self.kin.n_twist
         position[self._order] = np.arange(size)
         return FrozenPattern(position[i], position[j], (size, size))
 
     def arms(self, y: Array) -> Array:
         """From the origins of parents that turn to what moves as if fixed to them (turns, 3)."""
         rows, factors = self.spots
-        return (factors @ y.take(rows, axis=0))[:, 0] - y.take(self._parent_rows, axis=0)
+        return (factors @ y.take(rows, 0))[:, 0] - y.take(self._parent_rows, 0)
 
     # -- derivative of ``T^T f`` for fixed forces at the joints ----------------------------------
 
@@ -582,7 +591,8 @@ class Recursion:
             (p[framed] + 3, c[framed] + 3),
         ]
         rows, cols = (np.concatenate([each[k] for each in blocks]) for k in (0, 1))
-        xyz, shape = np.arange(3), (len(rows), 3, 3)
+        xyz = np.arange(3)
+        shape = (len(rows), 3, 3)
         i = np.broadcast_to(rows[:, None, None] + xyz[:, None], shape).ravel()
         return i, np.broadcast_to(cols[:, None, None] + xyz, shape).ravel()
 
@@ -594,8 +604,8 @@ class Recursion:
         arm = self.arms(y1)
         framed = self._on_frames
         rows, factors = self.spots
-        spot = (factors[framed] @ y1.take(rows[framed], axis=0))[:, 0]
-        own = spot - y1.take(self.kin.row[child[framed]], axis=0)
+        spot = (factors[framed] @ y1.take(rows[framed], 0))[:, 0]
+        own = spot - y1.take(self.kin.row[child[framed]], 0)
         parts = [
             f[on_parent] @ skew(arm[on_parent]),
             -f[on_child],
@@ -608,14 +618,14 @@ class Recursion:
         """S (vertices, 6, 6), X (edges, 6, 6), and which columns of S there are (vertices, 6)."""
         values = self.own.values(self.own.locate(y, fixed))
         kin, own, tree = self.kin, self.own, self.kin.tree
-        place = np.zeros(kin.unknowns, dtype=np.int64)
-        used = np.zeros((len(tree.is_frame), 6), dtype=bool)
+        place = np.zeros(kin.unknowns, np.int64)
+        used = np.zeros((len(tree.is_frame), 6), bool)
         for w, numbers in enumerate(tree.own):
             place[numbers], used[w, : len(numbers)] = np.arange(len(numbers)), True
         v = self._vertex[own.rows]
-        S = np.zeros((len(tree.is_frame), 6, 6), dtype=values.dtype)
+        S = np.zeros((len(tree.is_frame), 6, 6), values.dtype)
         np.add.at(S, (v, own.rows - kin.twist_of[v], place[own.cols]), values)
-        X = np.zeros((len(self.child), 6, 6), dtype=values.dtype)
+        X = np.zeros((len(self.child), 6, 6), values.dtype)
         X[:, :3, :3] = np.eye(3)
         X[self.turns, :3, 3:] = -skew(self.arms(y))
         X[self.relative, 3:, 3:] = np.eye(3)

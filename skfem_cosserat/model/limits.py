@@ -69,7 +69,8 @@ def broken_constraint(system: System, y: Floats, tolerance: float = BROKEN) -> s
 
     The tolerance is relative to what motions of the scene's size change.
     """
-    g, sizes = abs(system.constraints.values(y)), np.ones((system.rows, 3))
+    g = abs(system.constraints.values(y))
+    sizes = np.ones((system.rows, 3))
     sizes[system.origin_rows] = system.length  # wherever it is: what motions of its size change
     allowed = tolerance * (abs(system.constraints.jacobian(y)) @ sizes.ravel())
     excess = g - allowed - 1e-15 * system.constraints.magnitudes(y)
@@ -88,8 +89,7 @@ def constraint_owner(system: System, row: int) -> str:
     for each in system.theory_rows:
         if each.rows.start <= row < each.rows.stop:
             return f"{each.beam.label}, {each.beam.theory!r}"
-    frame = int(system.kinematics.frames[row // 6])
-    return f"triad of {system.owner[frame].label}"
+    return f"triad of {system.owner[int(system.kinematics.frames[row // 6])].label}"
 
 
 # -- prescribed motion that jumps ----------------------------------------------------------------
@@ -146,8 +146,9 @@ def jump(system: System, t0: float, t1: float) -> str | None:
     if found is None:
         return None
     a, b = found
-    frame = int(bends(a, b).max(axis=1).argmax()) // 4
-    item, when = owners[frame], f"jumps at t = {b:.6g} s"
+    frame = int(bends(a, b).max(1).argmax()) // 4
+    item = owners[frame]
+    when = f"jumps at t = {b:.6g} s"
     if isinstance(item, JointDrive):
         return f"the {item.label} {when}: {reached(item, a)}, then {reached(item, b)}"
     far = np.linalg.norm((ground(b) - ground(a)).reshape(-1, 4, 3)[frame], axis=1)
@@ -207,7 +208,8 @@ def over_rotated_beam(system: System, y: Floats) -> tuple[str, str] | None:
         return None
     from ..mesh.triads import gives_way
 
-    worst, found = 1.0, None
+    worst = 1.0
+    found = None
     for beam in system.beams:
         basis = beam.basis
         angle = _rotated(beam, _nodal(system, beam, y))
@@ -227,7 +229,7 @@ def first_over_rotated(system: System, states: Floats) -> int | None:
     """The first of some states (N, rows, 3) in which :func:`over_rotated` finds an element."""
     first = 0
     for some in np.array_split(states, len(states) // 100 + 1):
-        bent = np.zeros(len(some), dtype=bool)
+        bent = np.zeros(len(some), bool)
         for beam in system.beams:
             limit = beam.basis.interpolation.turn_limit
             bent |= (_rotated(beam, _nodal(system, beam, some)) / limit > 1.0).any(1)
@@ -252,8 +254,8 @@ def _rotated(beam: Beam, nodal: Floats) -> Floats:
     from ..mesh.triads import turns
 
     inner = beam.basis.connectivity
-    now, then = _steps(nodal[..., inner, :, :]), _steps(beam.triads[inner])
-    return turns(then, now).sum(axis=-1).round(9)
+    now = _steps(nodal[..., inner, :, :])
+    return turns(_steps(beam.triads[inner]), now).sum(-1).round(9)
 
 
 def limp(beam: Beam) -> str:
@@ -273,7 +275,7 @@ def limp(beam: Beam) -> str:
 
 def _steps(triads: Floats) -> Floats:
     """Rotations from node to node (..., p, 3, 3) in the nodes' own frames: (..., p + 1, 3, 3)."""
-    return triads[..., 1:, :, :] @ np.swapaxes(triads[..., :-1, :, :], -1, -2)
+    return triads[..., 1:, :, :] @ triads[..., :-1, :, :].swapaxes(-1, -2)
 
 
 # -- elements drawn so much that node rotations their Gauss points do not see grow -----------------
@@ -367,7 +369,8 @@ def overstretched_beam(
 
     With `multipliers` (m,) of the constraint rows the tension of inextensible beams counts, too.
     """
-    worst, about = 1.0 + 1e-9, None
+    worst = 1.0 + 1e-9
+    about = None
     factors = np.zeros(len(system.loading.times)) if loads is None else loads
     drawn = {
         beam: tuple(values[which] for values in found)
@@ -384,15 +387,17 @@ def overstretched_beam(
         held = None if multipliers is None else theory_of(system.theory_rows, beam)
         if held is not None and multipliers is not None and held.can_bend:
             force = force + held.stress(multipliers)[:, :, 2] @ beam.elements.weights
-        least = _bending(beam.elements.stiffness, beam.theory.held).min(axis=1)
+        least = _bending(beam.elements.stiffness, beam.theory.held).min(1)
         bending = np.where(np.isnan(present), least, present)
         limit = factor * bending / (beam.basis.lengths**2 * stretch.clip(1e-300))
         ratio = (force / limit).round(9)  # of equal ones the first is named
         if ratio.max() > worst:
-            e, worst = int(ratio.argmax()), float(ratio.max())
+            e = int(ratio.argmax())
+            worst = float(ratio.max())
             a, b = beam.basis.connectivity[e][[0, -1]]
             above = ratio > 1.0 + 1e-9
-            count, others = len(ratio), int(above.sum()) - 1
+            count = len(ratio)
+            others = int(above.sum()) - 1
             # an element cut into r = sqrt(N/limit) parts is at its limit
             needed = count - others - 1 + int(np.ceil(np.sqrt(ratio[above]).sum() - 1e-9))
             more = f" ({others} more like it)" if others else ""
@@ -437,9 +442,8 @@ def tension_factor(kind: Interpolation) -> float:
     slope = shape_derivatives(kind, x)
     x, v = gauss_rule(kind.points)
     shape = shape_functions(kind, x)
-    bending = (slope * w) @ slope.T
     tension = 2 * (shape * v) @ shape.T - np.diag(shape @ v)
-    values = np.linalg.eigvals(np.linalg.solve(-tension, bending))
+    values = np.linalg.eigvals(np.linalg.solve(-tension, (slope * w) @ slope.T))
     real = values[abs(values.imag) < 1e-9 * abs(values).max()].real
     return float(real[real > 1e-9].min())  # zero belongs to a constant theta
 
@@ -450,8 +454,10 @@ def _tension(group: BeamGroup, y: Floats, free: Floats) -> tuple[Floats, Floats,
     And the bending stiffness that sections of a stored energy have there, NaN for others. `free`:
     strains without stress (ne, ng, 6).
     """
-    seen, weights = group.strain(y)[0], group.elements.weights
-    strain, stretch = seen - free, seen + group.elements.reference
+    seen = group.strain(y)[0]
+    weights = group.elements.weights
+    strain = seen - free
+    stretch = seen + group.elements.reference
     present = np.full(len(strain), np.nan)
     for points, law in group.elements.stored:
         ids = np.unique(points[0])

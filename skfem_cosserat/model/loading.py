@@ -28,7 +28,7 @@ from ..time_function import (
     constant_after,
     numbers_of,
 )
-from ..types import Array, Floats, IndexArray
+from ..types import NO_INDICES, Array, Floats, IndexArray
 from .groups import BeamGroup, Group
 
 #: of the complex step
@@ -103,10 +103,11 @@ class Loading:
         origins: IndexArray,
         beam_groups: list[BeamGroup],
         frame_group: Group | None,
-    ) -> None:
+    ):
         self._rows = rows
         self._first, self._mass, self._origins = first, mass, origins
-        self._beam_groups, self._frame_group = beam_groups, frame_group
+        self._beam_groups = beam_groups
+        self._frame_group = frame_group
         self.times: list[TimeFunction] = []
         self.owners = []
         self.terms = []
@@ -150,9 +151,9 @@ class Loading:
         return int(np.searchsorted(self._frame_group.vertices[:, 0], vertex))
 
     def _set_moments(self, moments: list[tuple[int, int, bool, Floats]]) -> None:
-        self._moment_channel = np.array([m[0] for m in moments], dtype=np.int64)
-        self._moment_block = np.array([m[1] for m in moments], dtype=np.int64)
-        self._moment_follows = np.array([m[2] for m in moments], dtype=bool)
+        self._moment_channel = np.array([m[0] for m in moments], np.int64)
+        self._moment_block = np.array([m[1] for m in moments], np.int64)
+        self._moment_follows = np.array([m[2] for m in moments], bool)
         self._moment_value = np.array([m[3] for m in moments]).reshape(-1, 3)
         if moments:
             assert self._frame_group is not None
@@ -224,16 +225,15 @@ class Loading:
     @property
     def moments(self) -> Moments:
         """Moments on single frames."""
-        vertices = np.zeros(0, dtype=np.int64)
+        vertices = NO_INDICES
         if self._frame_group is not None:
             vertices = self._frame_group.vertices[self._moment_block, 0]
-        values = self._moment_channel, self._moment_follows, self._moment_value
-        return Moments(vertices, *values)
+        return Moments(vertices, self._moment_channel, self._moment_follows, self._moment_value)
 
     @cached_property
     def dead_channels(self) -> IndexArray:
         """Channels of the dead loads."""
-        return np.array(self._dead_times, dtype=np.int64)
+        return np.array(self._dead_times, np.int64)
 
     def strains(self, group: BeamGroup, factors: Floats) -> Floats:
         """Strains without stress (N, ne, ng, 6) of beams, for factors (N, channels)."""
@@ -247,15 +247,15 @@ class Loading:
     @property
     def followers(self) -> Followers:
         """Forces fixed in bodies and sections, frame by frame."""
-        vertices = [np.zeros((0, 2), dtype=np.int64)]
-        channels = [np.zeros(0, dtype=np.int64)]
+        vertices = [np.zeros((0, 2), np.int64)]
+        channels = [NO_INDICES]
         values = [np.zeros((0, 4, 4))]
         for channel, number, ids, block in self._followers:
             own = self._group(number).vertices[ids]
             ne, nn = own.shape
             each = block.reshape(ne, nn, 4, nn, 4).transpose(0, 1, 3, 2, 4)
             values.append(each.reshape(-1, 4, 4))
-            vertices.append(np.stack([np.repeat(own, nn, 1), np.tile(own, (1, nn))], -1))
+            vertices.append(np.stack([own.repeat(nn, 1), np.tile(own, (1, nn))], -1))
             vertices[-1] = vertices[-1].reshape(-1, 2)
             channels.append(np.full(len(values[-1]), channel))
         return Followers(np.concatenate(vertices), np.concatenate(channels), np.concatenate(values))
@@ -284,14 +284,14 @@ class Loading:
 
         `amplitudes` (..., channels) are those of one step, or of several.
         """
-        factors = amplitudes.take(self.dead_channels, axis=-1)
+        factors = amplitudes.take(self.dead_channels, -1)
         if factors.ndim > 1 and isinstance(self.dead, np.ndarray):
             factors = factors[:, None]  # products of vectors, whose rounding is that of one step
         return (factors @ self.dead).reshape(*amplitudes.shape[:-1], -1, 3)
 
     def force(self, y: Array, amplitudes: Floats) -> Array:
         """Generalised force (rows, 3) of the loads that depend on y (follower forces, moments)."""
-        out = np.zeros((self._rows, 3), dtype=y.dtype)
+        out = np.zeros((self._rows, 3), y.dtype)
         for channel, number, ids, block in self._followers:
             rows = self._group(number).rows[ids]
             np.add.at(out, rows, amplitudes[channel] * (block @ y[rows]))

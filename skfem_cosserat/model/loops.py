@@ -16,7 +16,7 @@ from ..frames import Item, is_beam
 from ..joint import Joint, JointDrive
 from ..kernels import cross, null_space_blocks
 from ..theory import TheoryInextensible, TheoryRigid
-from ..types import TOLERANCE, Floats, IndexArray
+from ..types import NO_INDICES, TOLERANCE, Floats, IndexArray
 from ..warn import warn
 from .checks import JointRows
 from .closure import SINGULAR, Closure, RowsByTwists, Selected, continued, directed, pivoted
@@ -59,14 +59,14 @@ def independent_null_space(rows: csr_matrix) -> csr_matrix:
     """
     count, size = rows.shape
     order, L, _ = lu(rows.toarray().T, p_indices=True)  # overwriting is wrong in scipy 1.18.1
-    first, rest = L[:count], L[count:]
-    part = -solve_triangular(first, rest.T, trans="T", lower=True, unit_diagonal=True)
+    part = -solve_triangular(L[:count], L[count:].T, trans="T", lower=True, unit_diagonal=True)
     return csr_matrix(vstack([csr_matrix(part), identity(size - count)]).tocsr()[order])
 
 
 def null_basis(system: System, y: Floats) -> csr_matrix:
     """Z (K, unknowns): the tree's coordinates by what loops, and strains that are held, leave."""
-    closure, kin = system.closure, system.kinematics
+    closure = system.closure
+    kin = system.kinematics
     rows, cols, ones = closure.null_pattern()
     values = closure.null_values(closure.select(y, kin.values_at(y)), ones)
     shape = kin.unknowns, kin.unknowns - closure.rank
@@ -152,7 +152,8 @@ def independent_rows(system: System, y: Floats) -> IndexArray:
 
 def closure_rows(system: System) -> Floats:
     """Independent rows (r, K) that the tree leaves, in the reference configuration."""
-    y, length = system.spanned, system.length
+    y = system.spanned
+    length = system.length
     kin = system.kinematics
     rows = rows_by_tree(system, independent_rows(system, y), y, kin.fixed_axes(y))
     return rows.toarray() / kin.scale(length)
@@ -164,7 +165,7 @@ def loop_joints(system: System, rows: IndexArray) -> list[Item]:
     Then the beams whose strains are held and that are part of it.
     """
     spanning = system.spanning
-    around: set[object] = set()
+    around = set()
     for jr in system.joint_rows:
         if ((rows >= jr.rows.start) & (rows < jr.rows.stop)).any():
             around |= spanning.around((jr.a.vertex, jr.b.vertex)) | {joint_of(jr)}
@@ -188,8 +189,10 @@ def moved(system: System, y: Floats, ground: Floats, increment: Floats) -> Float
         Rows of the ground there.
     increment : (unknowns,) array
     """
-    kin, rows = system.kinematics, independent_rows(system, y)
-    nodal, scale = Reparametrisation(kin), kin.scale(system.length)
+    kin = system.kinematics
+    rows = independent_rows(system, y)
+    nodal = Reparametrisation(kin)
+    scale = kin.scale(system.length)
     nodal.begin(y, ground)
     nodal.add(null_basis(system, y) @ increment)
     size = system.constraints.magnitudes(y)[rows]
@@ -227,7 +230,8 @@ def closed(
         y = nodal.configuration()
         g = system.constraints.values(y)
         step = np.zeros(system.kinematics.unknowns)
-        gaps, size = [], 0.0
+        gaps = []
+        size = 0.0
         for s in closure.again(chosen, y, system.kinematics.values_at(y, nodal.fixed)):
             violation = closure.violation(s, g)
             gaps.append(float(abs(violation).max(initial=0.0)))
@@ -280,7 +284,8 @@ def _check_motion(system: System) -> None:
     closure = system.closure
     if not system.moving or not len(closure.rows):
         return
-    start, now = system.spanned, system.ground(system.since)
+    start = system.spanned
+    now = system.ground(system.since)
     nodal = Reparametrisation(system.kinematics)
     chosen = closure.select(start, system.kinematics.values_at(start))
     for t in (system.since + 0.1 / 2**k for k in range(11)):
@@ -331,7 +336,8 @@ def _beside(system: System, start: Floats, redundant: IndexArray) -> IndexArray:
     chosen = closure.select(start, T)
     before = [c.rank for c in closure.components]
     best, ranks, where = redundant, before, start
-    nodal, random = Reparametrisation(system.kinematics), np.random.default_rng(0)
+    nodal = Reparametrisation(system.kinematics)
+    random = np.random.default_rng(0)
     grounds = [system.ground(system.since), _moved_ground(system)]
     for k in range(4):
         closure.decide(start, T)
@@ -358,7 +364,8 @@ def _warn(system: System, before: Sequence[int], ranks: Sequence[int]) -> None:
         if more > rank
     ]
     rows = np.concatenate(lost)
-    around, item = loop_joints(system, rows), f"closed loop through the {names_of(system, rows)}"
+    around = loop_joints(system, rows)
+    item = f"closed loop through the {names_of(system, rows)}"
     text = (
         f"the reference configuration is a singular position: {sum(before)} of its constraint rows"
         f" are independent there, {sum(ranks)} beside it"
@@ -390,8 +397,7 @@ def _beams_alone_move(around: Sequence[Item]) -> bool:
 def _freedoms(joint: Joint) -> int:
     """Number of relative motions that a joint leaves free."""
     free = joint.freedom()
-    turns = 3 if free.turns is None else len(free.turns)
-    return turns + len(free.slides) + 2 * free.sphere
+    return (3 if free.turns is None else len(free.turns)) + len(free.slides) + 2 * free.sphere
 
 
 def _small_move(system: System, chosen: Sequence[Selected], random: np.random.Generator) -> Floats:
@@ -421,7 +427,8 @@ def _regular_place(
 
     None if the chosen rows close the loops all by themselves, or if they do not close.
     """
-    closure, saved = system.closure, nodal.save()
+    closure = system.closure
+    saved = nodal.save()
     y, _ = closed(system, nodal, chosen)
     if y is not None and violated(system, y)[1] < TOLERANCE:
         return None
@@ -453,7 +460,7 @@ NEAR = 1e-4
 class Passages:
     """Watches closed loops from step to step: singular positions met or passed, once for each."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System):
         self.system = system
         self._before: Sequence[Selected] | None = None
         self._inside: list[bool] = []
@@ -465,9 +472,11 @@ class Passages:
         directions there. Where A becomes singular on the way, an eigenvalue of ``A_0^-1 A_1``
         turns negative: one for each row that is lost there, so that pairs do not cancel.
         """
-        before, was_inside = self._before, self._inside
+        before = self._before
+        was_inside = self._inside
         inside = [bool((s.pivots <= SINGULAR).any()) for s in chosen]
-        self._before, self._inside = chosen, inside
+        self._before = chosen
+        self._inside = inside
         found = []
         again = self.system.closure.again(before, y, T) if before is not None else chosen
         for k, (s, now) in enumerate(zip(chosen, again, strict=True)):
@@ -504,7 +513,8 @@ def branches(system: System, y: Floats, selected: Selected) -> list[Selected]:
     ``c . D^2 g (v, v) = 0``, c being the combination of rows that vanishes: a quadratic form of
     rank two, whose zeros are two planes. Empty if more rows are lost, or if there is no branch.
     """
-    component, closure = selected.component, system.closure
+    component = selected.component
+    closure = system.closure
     U, pivots, V = np.linalg.svd((selected.Q1 @ selected.R).T)
     if not component.free or (pivots > NEAR * pivots[0]).sum() != component.rank - 1:
         return []
@@ -528,7 +538,8 @@ def branches(system: System, y: Floats, selected: Selected) -> list[Selected]:
     values, vectors = np.linalg.eigh(form)
     if not values[0] < 0 < values[-1]:
         return []
-    low, high = np.sqrt(-values[0]) * vectors[:, 0], np.sqrt(values[-1]) * vectors[:, -1]
+    low = np.sqrt(-values[0]) * vectors[:, 0]
+    high = np.sqrt(values[-1]) * vectors[:, -1]
     planes = [N @ np.linalg.svd((high + sign * low)[None])[2][1:].T for sign in (1.0, -1.0)]
     return [directed(selected, plane) for plane in planes]
 
@@ -626,9 +637,11 @@ def dead_point(system: System, y0: Floats, t0: float, h: float) -> DeadPoint | N
         chosen = closure.select(y, system.kinematics.values_at(y, nodal.fixed))
         found, failed = closed(system, nodal, chosen)
         if found is None:
-            step, worst = 0.5 * step, failed
+            step = 0.5 * step
+            worst = failed
         else:
-            y, t = found, until
+            y = found
+            t = until
     if t == end:
         return None
     rows = closure.rows[closure.components[worst].rows]
@@ -667,8 +680,8 @@ def coordinates_in_plane(system: System) -> csr_matrix:
     assert plane is not None
     rows = plane.moving(system.q0.reshape(-1, 3), system.origin_rows)
     count = 2 * len(rows)
-    i = np.repeat((3 * rows[:, None] + np.arange(3))[:, :, None], 2, axis=2).ravel()
-    j = np.repeat(np.arange(count).reshape(-1, 1, 2), 3, axis=1).ravel()
+    i = (3 * rows[:, None] + np.arange(3))[:, :, None].repeat(2, 2).ravel()
+    j = np.arange(count).reshape(-1, 1, 2).repeat(3, 1).ravel()
     values = np.broadcast_to(plane.axes.T, (len(rows), 3, 2)).ravel()
     return csr_matrix((values, (i, j)), shape=(system.n, count))
 
@@ -700,7 +713,7 @@ def rows_in_plane(system: System) -> IndexArray:
         open_rows = np.setdiff1d(each.numbers, system.closure.rows)
         elements = (open_rows - each.rows.start) // (each.shape[1] * each.shape[2])
         kept += [_pick(held, open_rows[elements == e]) for e in np.unique(elements)]
-    out = np.sort(np.concatenate([np.zeros(0, dtype=np.int64), *kept]))
+    out = np.sort(np.concatenate([NO_INDICES, *kept]))
     free = system.kinematics.unknowns - len(system.held_rows)
     if count - len(out) != free:
         raise InputError(
@@ -723,25 +736,27 @@ def acting(system: System, elements: Sequence[HeldElement]) -> IndexArray:
 
 def _of_triads(system: System, G: csr_matrix, y: Floats) -> list[IndexArray]:
     """Rows of triads: those without the director along the normal, if one is."""
-    kin, plane = system.kinematics, system.plane
+    kin = system.kinematics
+    plane = system.plane
     assert plane is not None
     still = np.linalg.norm(kin.directors(y) @ plane.axes.T, axis=2) <= TOLERANCE
     first = 6 * np.arange(len(still))
     kept = [(first[still[:, k]][:, None] + others).ravel() for k, others in enumerate(_WITHOUT)]
-    oblique = first[~still.any(axis=1)]
+    oblique = first[~still.any(1)]
     return [*kept, *(_pick(G, np.arange(k, k + 6)) for k in oblique)]
 
 
 def _rigid(system: System, y: Floats) -> csr_matrix:
     """Rates (n, 3 a frame or 2 a point) of each vertex by itself, rotations by length."""
-    kin, plane = system.kinematics, system.plane
+    kin = system.kinematics
+    plane = system.plane
     assert plane is not None
     first = 3 * np.arange(len(system.origin_rows))
     rows, cols, values = [], [], []
 
     def add(row: IndexArray, column: IndexArray, rate: Floats) -> None:
         rows.append((3 * row[:, None] + np.arange(3)).ravel())
-        cols.append(np.repeat(column, 3))
+        cols.append(column.repeat(3))
         values.append(np.broadcast_to(rate, (len(row), 3)).ravel())
 
     for k, axis in enumerate(plane.axes):

@@ -40,7 +40,8 @@ class Connected:
     free: np.typing.NDArray[np.bool_]
 
     def __str__(self) -> str:
-        count, tied = len(self.free), int((~self.free).sum())
+        count = len(self.free)
+        tied = int((~self.free).sum())
         if count == 1:
             return f"1 connected part, {'tied' if tied else 'not tied'} to the ground"
         return f"{count} separate parts, {tied or 'none'} of them tied to the ground"
@@ -81,8 +82,7 @@ class SeparateParts:
 
     def sum(self, values: Array) -> Array:
         """Sums (parts, ...) over the rows of each part."""
-        flat = self._gather @ values.reshape(len(values), -1)
-        return flat.reshape(-1, *values.shape[1:])
+        return (self._gather @ values.reshape(len(values), -1)).reshape(-1, *values.shape[1:])
 
 
 @lru_cache(maxsize=4)
@@ -107,18 +107,18 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
     >>> print(connected_parts(model.freeze()))
     2 separate parts, 1 of them tied to the ground
     """
-    rows, g = system.rows, system.constraints
+    rows = system.rows
+    g = system.constraints
     links = [_first_to_all(group.rows) for group in system.groups]
     own = g.inside
-    links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], axis=1))
-    items = system.couplings.items
-    joining = [c for c in items if lines or not isinstance(c, SpringDamper)]
+    links.append(np.stack([g.cols[own] // 3, rows + g.rows[own]], 1))
+    joining = [c for c in system.couplings.items if lines or not isinstance(c, SpringDamper)]
     joining += system.couplings.own
     sides = [[system.row_of(side) for side in c.sides()] for c in joining]
     ends = [pair for each in sides for pair in pairwise(each)]
-    pairs = np.array(ends, dtype=np.int64).reshape(-1, 2)
-    inside = (pairs < rows).all(axis=1)
-    grounded = np.ones(len(g.cols), dtype=bool)
+    pairs = np.array(ends, np.int64).reshape(-1, 2)
+    inside = (pairs < rows).all(1)
+    grounded = np.ones(len(g.cols), bool)
     grounded[own] = False
     tied = np.concatenate([rows + g.rows[grounded], pairs[~inside][pairs[~inside] < rows]])
     return _connected(np.concatenate([*links, pairs[inside]]), tied, rows, rows + system.m)
@@ -126,7 +126,7 @@ def connected_parts(system: System, lines: bool = True) -> Connected:
 
 def _first_to_all(rows: IndexArray) -> IndexArray:
     """Pairs (ne r, 2) of the first row of each element with its rows (ne, r)."""
-    return np.stack([np.broadcast_to(rows[:, :1], rows.shape), rows], axis=-1).reshape(-1, 2)
+    return np.stack([np.broadcast_to(rows[:, :1], rows.shape), rows], -1).reshape(-1, 2)
 
 
 def _connected(edges: IndexArray, tied: IndexArray, rows: int, size: int) -> Connected:
@@ -178,7 +178,7 @@ def _resting(system: System, found: Connected) -> dict[int, list[tuple[Structure
     out: dict[int, list[tuple[Structure, str]]] = {}
     if found.free.all() or not found.free.any():
         return out
-    moving = np.unique(found.part[np.any(system.v0.reshape(-1, 3) != 0, axis=1)])
+    moving = np.unique(found.part[np.any(system.v0.reshape(-1, 3) != 0, 1)])
     for item in system.structures:
         if id(item) not in system.first or isinstance(item, MassPoint):
             continue

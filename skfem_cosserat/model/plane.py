@@ -75,14 +75,14 @@ class Planar(Frozen):
     (2, 1)
     """
 
-    def __init__(self, normal: ArrayLike | None = None) -> None:
+    def __init__(self, normal: ArrayLike | None = None):
         self.normal = None if normal is None else unit_vector("planar scene", "normal", normal)
 
     def __repr__(self) -> str:
         return f"Planar({'' if self.normal is None else f'normal={self.normal.tolist()}'})"
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Plane:
     """A plane in space.
 
@@ -197,7 +197,7 @@ class Plane:
         rise = (rows if start is None else rows - start.reshape(-1, 3)) @ self.normal
         scale = np.ones(len(rows))
         scale[origins] = self.length**power
-        worst = np.argmax(scale * abs(rise))
+        worst = (scale * abs(rise)).argmax()
         size = float((scale[:, None] * abs(rows)).max()) if start is None else 1.0
         if scale[worst] * abs(rise[worst]) > OFF_PLANE * size:
             raise InputError(
@@ -227,7 +227,7 @@ class Plane:
         """
         rows = p.reshape(-1, 3).copy()
         nu = start.reshape(-1, 3)[triads] @ self.normal
-        stretch = (nu * (rows[triads] @ self.normal)).sum(axis=1)
+        stretch = (nu * (rows[triads] @ self.normal)).sum(1)
         rows[triads] -= (stretch[:, None] * nu)[..., None] * self.normal
         self.check(item, "its momentum", rows, origins, power=1)
 
@@ -317,7 +317,7 @@ def _masses(M: Floats, nu: Floats, length: float = 0.0) -> str:
     S = np.eye(len(M))
     S[1:, 1:] -= 2 * np.outer(nu, nu)
     odd = 0.5 * (M - S @ M @ S)
-    size = np.trace(M[1:, 1:])
+    size = M[1:, 1:].trace()
     radius = np.sqrt(size / M[0, 0]) if M[0, 0] else 0.0
     if abs(odd[0]).max() > TOLERANCE * M[0, 0] * max(radius, length):
         off = float(odd[0, 1:] @ nu / M[0, 0])
@@ -337,7 +337,7 @@ def _velocity(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
         return
     n = plane.normal
     out = vertices.velocities @ n
-    worst = np.argmax(abs(out))
+    worst = abs(out).argmax()
     if abs(out[worst]) > TOLERANCE * np.linalg.norm(vertices.velocities, axis=1).max():
         yield item.label, f"its initial velocity leaves the plane by {out[worst]:.6g} m/s"
     omega = vertices.angular_velocities
@@ -351,8 +351,7 @@ def _velocity(item: Beam | RigidBody | MassPoint, plane: Plane) -> OutOfPlane:
 
 def _sections(beam: Beam, plane: Plane) -> OutOfPlane:
     """Sections against their mirror images, at the nodes of each element."""
-    nodes = beam.basis.connectivity
-    nu = (beam.rotations @ beam.triads[nodes]) @ plane.normal  # (ne, nn, 3)
+    nu = (beam.rotations @ beam.triads[beam.basis.connectivity]) @ plane.normal  # (ne, nn, 3)
     steep = float(abs(nu[:, :, 2]).max())
     if steep > TOLERANCE:
         yield beam.label, f"its tangent d3 leaves the plane, by {np.arcsin(steep):.6g} rad"
@@ -361,13 +360,15 @@ def _sections(beam: Beam, plane: Plane) -> OutOfPlane:
     if twist > TOLERANCE:
         yield beam.label, f"its sections turn about its axis along it (pre-twist, by {twist:.6g})"
         return
-    every, points = np.arange(len(nu)), beam.elements.points
+    every = np.arange(len(nu))
+    points = beam.elements.points
     free = np.broadcast_to(beam.strains_at(every, points), beam.elements.reference.shape)
     mirrored = [strain @ _flip(n) for strain, n in zip(free, nu[:, 0], strict=True)]
     if abs(free - mirrored).max() > TOLERANCE * abs(free).max():
         yield beam.label, "its strain without load leaves the plane"
     sections = beam.sections_at(every, points)
-    normals, told = nu[:, 0].round(9), set()
+    normals = nu[:, 0].round(9)
+    told = set()
     each = {
         (id(section), *n): (section, e)
         for e, (row, n) in enumerate(zip(sections, normals, strict=True))
@@ -388,8 +389,8 @@ def _section(law: Law, D: Floats, density: Floats, nu: Floats) -> str:
     if found := _masses(density, nu[:2]):
         return f"the {found}"
     eps = PROBE * law.scale
-    here, there = law.energy(eps), law.energy(eps @ _flip(nu))
-    worst = float((abs(here - there) / abs(here)).max())
+    here = law.energy(eps)
+    worst = float((abs(here - law.energy(eps @ _flip(nu))) / abs(here)).max())
     if worst > TOLERANCE:
         return f"the stored energy is not that of the mirror image (by {worst:.6g}, relative)"
     return ""
@@ -425,7 +426,8 @@ def _matrix(D: Floats, nu: Floats, what: str) -> str:
 
 def _freedom(joint: Joint, plane: Plane) -> OutOfPlane:
     """Axes have to be along the normal or in the plane: else the joint leads out of it."""
-    n, free = plane.normal, joint.freedom()
+    n = plane.normal
+    free = joint.freedom()
     for turn in free.turns or ():
         angle = _tilt(turn.axis, n)
         if angle:
@@ -441,7 +443,8 @@ def _freedom(joint: Joint, plane: Plane) -> OutOfPlane:
 
 def _tilt(axis: Floats, n: Floats) -> str:
     """Angle of a direction, in words, if it is neither along n nor normal to it; else empty."""
-    rise, run = abs(float(axis @ n)), float(np.linalg.norm(np.cross(axis, n)))
+    rise = abs(float(axis @ n))
+    run = float(np.linalg.norm(np.cross(axis, n)))
     if min(rise, run) <= TOLERANCE:
         return ""
     return (
@@ -451,7 +454,8 @@ def _tilt(axis: Floats, n: Floats) -> str:
 
 def _in_plane(joint: Joint, name: str, plane: Plane) -> bool:
     """True if a coordinate of a joint is one of motion in the plane."""
-    n, free = plane.normal, joint.freedom()
+    n = plane.normal
+    free = joint.freedom()
     turns = {turn.name for turn in free.within(n).turns or ()}
     slides = {s.name for s in free.slides if abs(np.cross(s.left, s.right) @ n) < TOLERANCE}
     return name in turns | slides
@@ -462,7 +466,8 @@ def _in_plane(joint: Joint, name: str, plane: Plane) -> bool:
 
 def _stray(term: Term, value: Floats, plane: Plane) -> float:
     """Size of the part of a term's value that leaves the plane (N, N m, N/m, m/s^2)."""
-    v, n = term.vectors(value), plane.normal
+    v = term.vectors(value)
+    n = plane.normal
     if term.axial:
         return float(np.linalg.norm(v - np.outer(v @ n, n), axis=1).max())
     return float(abs(v @ n).max())
@@ -470,7 +475,8 @@ def _stray(term: Term, value: Floats, plane: Plane) -> float:
 
 def _loads(loading: Loading, plane: Plane) -> OutOfPlane:
     for site in loading.sites():
-        terms, single = [loading.terms[k] for k in site], len(site) == 1
+        terms = [loading.terms[k] for k in site]
+        single = len(site) == 1
         for t in (0.0,) if single else INSTANTS:
             value = terms[0].value
             if not single:
@@ -514,7 +520,7 @@ def _coupling(system: System, members: list[Coupling], plane: Plane) -> OutOfPla
     item = members[0]
     coordinate = item.coordinates[0]
     if (
-        isinstance(item, JointSpringDamper | JointActuator)
+        isinstance(item, (JointSpringDamper, JointActuator))
         and coordinate.kind == "angle"
         and not item.own_law
     ):
@@ -533,14 +539,17 @@ def _pushed(
 ) -> OutOfPlane:
     """Forces out of the plane at states in it, and at instants."""
     rng = np.random.default_rng(0)
-    worst, most = 0.0, 0.0
+    worst = 0.0
+    most = 0.0
     for t in instants:
-        y, ydot = _motion(system, plane, rng), _motion(system, plane, rng)
+        y = _motion(system, plane, rng)
+        ydot = _motion(system, plane, rng)
         ydot = ydot - system.extend(system.q0, 0.0)
         start = alone.starting(system.extend(system.q0, 0.0), None, alone.values(t), 1.0, t)
         twists = _twist_forces(system, y, alone.static(start, y, ydot).force[: system.rows])
         off = _out_of_plane(twists, plane)
-        worst, most = max(worst, off), max(most, abs(twists).max())
+        worst = max(worst, off)
+        most = max(most, abs(twists).max())
     if worst > TOLERANCE * most:
         yield (
             label,
@@ -550,7 +559,8 @@ def _pushed(
 
 def _motion(system: System, plane: Plane, rng: np.random.Generator) -> Floats:
     """Rows y (total, 3) of a scene whose frames have moved in the plane, each by itself."""
-    kin, y = system.kinematics, system.extend(system.q0, 0.0)
+    kin = system.kinematics
+    y = system.extend(system.q0, 0.0)
     x = system.origin_rows
     y[x] += 0.1 * system.length * rng.standard_normal((len(x), 2)) @ plane.axes
     theta = 0.3 * rng.standard_normal(len(kin.frames))
@@ -566,19 +576,21 @@ def functions_off_plane(
 
     Forces are those at recorded states (N, n), with the mean velocities from one to the next.
     """
-    plane, n = system.plane, len(states)
+    plane = system.plane
+    n = len(states)
     if plane is None or n < 2:
         return None
     for members in system.couplings.laws:
-        alone, none = system.couplings_of(members), np.zeros(1)
+        alone = system.couplings_of(members)
+        none = np.zeros(1)
         worst, most, when = 0.0, 0.0, 0.0
         for k in range(n):
-            other, t = k + 1 if k + 1 < n else k - 1, float(times[k])
+            other = k + 1 if k + 1 < n else k - 1
+            t = float(times[k])
             y = system.extend(states[k], t)
             rates = (system.extend(states[other], float(times[other])) - y) / (times[other] - t)
             start = alone.starting(y, None, none, 1.0, t)
-            force = alone.static(start, y, rates).force
-            twists = _twist_forces(system, y, force[: system.rows])
+            twists = _twist_forces(system, y, alone.static(start, y, rates).force[: system.rows])
             off = _out_of_plane(twists, plane)
             worst, when = (off, t) if off > worst else (worst, when)
             most = max(most, abs(twists).max())
@@ -594,7 +606,7 @@ def _twist_forces(system: System, y: Floats, force: Floats) -> Floats:
     kin = system.kinematics
     moments = np.zeros((len(system.origin_rows), 3))
     rows = kin.director_rows
-    moments[kin.frames] = cross(y[rows], force[rows]).sum(axis=1) / system.length
+    moments[kin.frames] = cross(y[rows], force[rows]).sum(1) / system.length
     return np.array([force[system.origin_rows], moments])
 
 
@@ -655,7 +667,7 @@ def inspect(system: System, normal: Floats | None = None) -> Planarity:
     normals = _candidates(system) if normal is None else [normal]
     best = None
     for n in normals:
-        plane = Plane(n, system.q0.reshape(-1, 3)[system.origin_rows].mean(axis=0), system.length)
+        plane = Plane(n, system.q0.reshape(-1, 3)[system.origin_rows].mean(0), system.length)
         found = Planarity(
             plane, tuple(f"{item}: {text}" for item, text in out_of_plane(system, plane))
         )
@@ -679,8 +691,10 @@ def confine(system: System, planar: Planar) -> None:
         raise InputError("argument planar", f"{planar!r}, expected Planar()")
     found = inspect(system, planar.normal)
     if not found:
-        plane, more = found.plane, len(found.out_of_plane) - 1
-        normal, point = plane.normal.round(9).tolist(), (plane.point.round(9) + 0.0).tolist()
+        plane = found.plane
+        more = len(found.out_of_plane) - 1
+        normal = plane.normal.round(9).tolist()
+        point = (plane.point.round(9) + 0.0).tolist()
         raise InputError(
             "planar scene",
             f"{found.out_of_plane[0]}; the plane is normal to {normal}, through the middle of the"
@@ -695,14 +709,15 @@ def confine(system: System, planar: Planar) -> None:
 def _candidates(system: System) -> list[Floats]:
     """Normals: of the points, if they span a plane; else of all that points or turns somewhere."""
     x = np.array([place.position for _, place in places(system)])
-    _, sizes, V = np.linalg.svd((x - x.mean(axis=0)) / system.length, full_matrices=False)
+    _, sizes, V = np.linalg.svd((x - x.mean(0)) / system.length, full_matrices=False)
     sizes = np.append(sizes, np.zeros(3))[:3] / np.sqrt(len(x))
     if sizes[1] > 1e-6:
         axis = np.eye(3)[np.argmax(abs(V[2]))]
         # an axis of space may be what is meant
         return [V[2], axis] if abs(axis @ V[2]) > 0.99 else [V[2]]
     line = V[:1] if sizes[0] > 1e-6 else np.zeros((0, 3))
-    along, about = [*np.zeros((0, 3))], [*np.eye(3)]
+    along = [*np.zeros((0, 3))]
+    about = [*np.eye(3)]
     for item in system.structures:
         vertices = item.vertices()
         if vertices is None:

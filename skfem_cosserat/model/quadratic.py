@@ -28,7 +28,7 @@ def _table(
     terms: Sequence[tuple[float, ...]], count: int, begun: Floats | None = None
 ) -> tuple[list[IndexArray], Floats]:
     """Columns of numbers, and the factors in the last one; those `begun` with come first."""
-    array = np.array(terms, dtype=float).reshape(-1, count + 1)
+    array = np.array(terms, float).reshape(-1, count + 1)
     if begun is not None:
         array = np.concatenate([begun, array])
     return [array[:, k].astype(np.int64) for k in range(count)], array[:, count].copy()
@@ -47,7 +47,7 @@ class ConstraintBuilder:
         First rows of y of the frames whose directors are orthonormal: the first six rows each.
     """
 
-    def __init__(self, frames: IndexArray | None = None) -> None:
+    def __init__(self, frames: IndexArray | None = None):
         #: rows, both vectors and factor (k, 4) of the products that were there at first
         self.begun = np.zeros((0, 4))
         if frames is not None:
@@ -127,25 +127,29 @@ class QuadraticConstraints:
         Rows of y that are unknowns; the rest is ground.
     """
 
-    def __init__(self, builder: ConstraintBuilder, reference: Floats, free: int) -> None:
-        m, n = builder.size, 3 * free
-        self.size, self.n = m, n
+    def __init__(self, builder: ConstraintBuilder, reference: Floats, free: int):
+        m = builder.size
+        n = 3 * free
+        self.size = m
+        self.n = n
         linear, lc = _table(builder.linear, 2)
         products, pc = _table(builder.products, 3, builder.begun)
         self._lk = (linear[0][:, None] + np.arange(3)).ravel()
-        self._la, self._lc = linear[1], lc[:, None]
+        self._la = linear[1]
+        self._lc = lc[:, None]
         self._pk, self._pa, self._pb = products
         self._pc = pc[:, None]
-        self._driven = np.array(sorted(builder.amplitudes), dtype=np.int64)
+        self._driven = np.array(sorted(builder.amplitudes), np.int64)
         where = [builder.amplitudes[k] for k in sorted(builder.amplitudes)]
-        self._drive_row = np.array([w[0] for w in where], dtype=np.int64)
-        self._drive_component = np.array([w[1] for w in where], dtype=np.int64)
+        self._drive_row = np.array([w[0] for w in where], np.int64)
+        self._drive_component = np.array([w[1] for w in where], np.int64)
         dots = (self._factors(reference) * reference[self._pa] * reference[self._pb]).sum(1)
         self._constant = np.bincount(self._pk, dots, m)
         self._other = np.concatenate([self._pb, self._pa])
-        self._linear_values = np.repeat(lc, 3)
+        self._linear_values = lc.repeat(3)
         # rows and columns never change
-        xyz, each = np.arange(3), np.repeat(self._pk, 3)
+        xyz = np.arange(3)
+        each = self._pk.repeat(3)
         self.rows = np.concatenate([self._lk, each, each])
         self.cols = (3 * np.concatenate([self._la, self._pa, self._pb])[:, None] + xyz).ravel()
         self.inside = np.flatnonzero(self.cols < n)
@@ -184,41 +188,42 @@ class QuadraticConstraints:
         """Factors (products, 1), some prescribed in time by ground rows of y."""
         if not len(self._driven):
             return self._pc
-        out = np.array(self._pc, dtype=y.dtype)
+        out = np.array(self._pc, y.dtype)
         out[self._driven, 0] *= y[self._drive_row, self._drive_component]
         return out
 
     def values(self, y: Array) -> Array:
         """``g(y)`` (m,)."""
-        products = (self._factors(y) * (y.take(self._pa, axis=0) * y.take(self._pb, axis=0))).sum(1)
+        products = (self._factors(y) * (y.take(self._pa, 0) * y.take(self._pb, 0))).sum(1)
         out = sum_at(self._pk, products, self.size) - self._constant
         if not len(self._lk):
             return out
-        return out + sum_at(self._lk, (self._lc * y.take(self._la, axis=0)).ravel(), self.size)
+        return out + sum_at(self._lk, (self._lc * y.take(self._la, 0)).ravel(), self.size)
 
     def magnitudes(self, y: Floats, rates: Floats | None = None) -> Floats:
         """Sizes (m,) of the terms of g(y), or of ``dg/dt`` for rates of y: what its error means."""
         size = np.linalg.norm(y, axis=1)
         if rates is None:
-            products, linear = size[self._pa] * size[self._pb], size[self._la]
+            products = size[self._pa] * size[self._pb]
+            linear = size[self._la]
         else:
             rate = np.linalg.norm(rates, axis=1)
             products = size[self._pa] * rate[self._pb] + rate[self._pa] * size[self._pb]
             linear = rate[self._la]
         out = np.bincount(self._pk, abs(self._pc[:, 0]) * products, self.size)
         terms = np.repeat(abs(self._lc[:, 0]) * linear, 3)
-        return np.asarray(out + np.bincount(self._lk, terms, self.size), dtype=float)
+        return np.asarray(out + np.bincount(self._lk, terms, self.size), float)
 
     def jacobian_values(self, y: Array) -> Array:
         """Contributions to G at ``(G_rows, G_cols)``, ground columns left out."""
         factors = self._factors(y)
-        scaled = np.concatenate([factors, factors]) * y.take(self._other, axis=0)
-        values = np.concatenate([self._linear_values, scaled.ravel()])
-        return values.take(self.inside)
+        scaled = np.concatenate([factors, factors]) * y.take(self._other, 0)
+        return np.concatenate([self._linear_values, scaled.ravel()]).take(self.inside)
 
     def contributions(self, which: IndexArray, y: Floats) -> Floats:
         """Contributions to G at ``(rows, cols)[which]`` (N, k), for a stack y (N, total, 3)."""
-        plain, count = len(self._linear_values), len(self._pk)
+        plain = len(self._linear_values)
+        count = len(self._pk)
         out = np.empty((len(y), len(which)))
         product = which >= plain
         out[:, ~product] = self._linear_values[which[~product]]
@@ -247,13 +252,15 @@ class QuadraticConstraints:
         """``g(y)`` or ``dg/dt`` (m, N): states come last, each operation is one on all of them."""
         a = np.ascontiguousarray(y.transpose(1, 2, 0))
         v = a if rates is None else np.ascontiguousarray(rates.transpose(1, 2, 0))
-        pa, pb = self._pa, self._pb
+        pa = self._pa
+        pb = self._pb
         factor = np.broadcast_to(self._pc, (len(pa), len(y)))
         dots = (a[pa] * v[pb]).sum(1)
         if rates is not None:
             dots += (v[pa] * a[pb]).sum(1)
         if len(self._driven):
-            factor, own = factor.copy(), self._driven
+            factor = factor.copy()
+            own = self._driven
             where = self._drive_row, self._drive_component
             factor[own] *= a[where]
             if rates is not None:  # the factor changes, too
@@ -271,10 +278,9 @@ class QuadraticConstraints:
     @cached_property
     def _sums(self) -> list[csr_matrix]:
         """Matrices that sum up products, and linear terms, in the rows they belong to."""
-        rows = self._pk, self._lk
         return [
             csr_matrix((np.ones(len(k)), (k, np.arange(len(k)))), shape=(self.size, len(k)))
-            for k in rows
+            for k in (self._pk, self._lk)
         ]
 
     def jacobian(self, y: Array) -> csc_matrix:
@@ -294,7 +300,7 @@ class QuadraticConstraints:
         H depends on y only through numbers prescribed in time.
         """
         each = multipliers[self._pk[self._curved]] * self._factors(y)[self._curved, 0]
-        return np.repeat(np.concatenate([each, each]), 3)
+        return np.concatenate([each, each]).repeat(3)
 
     def curvature_of(self, rows: IndexArray) -> tuple[IndexArray, IndexArray]:
         """Products (p,) with both vectors unknown in some rows, and pairs (2 p, 2) of rows of y.
@@ -302,7 +308,8 @@ class QuadraticConstraints:
         For :meth:`curvature_factors`; each pair stands for a block ``value * I_3``.
         """
         which = self._curved[np.isin(self._pk[self._curved], rows)]
-        a, b = self._pa[which], self._pb[which]
+        a = self._pa[which]
+        b = self._pb[which]
         return which, np.concatenate([np.column_stack([a, b]), np.column_stack([b, a])])
 
     def curvature_factors(self, which: IndexArray, multipliers: Array, y: Array) -> Array:

@@ -36,16 +36,14 @@ class _Level:
 class _Drives:
     """Increments of coordinates that ground frames prescribe during a step."""
 
-    def __init__(self, kin: Kinematics, coordinates: Sequence[Coordinate]) -> None:
+    def __init__(self, kin: Kinematics, coordinates: Sequence[Coordinate]):
         self.where = np.array(
-            [i for i, c in enumerate(coordinates) if c.drive is not None], dtype=np.int64
+            [i for i, c in enumerate(coordinates) if c.drive is not None], np.int64
         )
         drives = [c.drive for c in coordinates if c.drive is not None]
-        self.rows = kin.row[np.array(drives, dtype=np.int64)]
-        self.free = np.array(
-            [i for i, c in enumerate(coordinates) if c.drive is None], dtype=np.int64
-        )
-        self.numbers = np.array([coordinates[i].number for i in self.free], dtype=np.int64)
+        self.rows = kin.row[np.array(drives, np.int64)]
+        self.free = np.array([i for i, c in enumerate(coordinates) if c.drive is None], np.int64)
+        self.numbers = np.array([coordinates[i].number for i in self.free], np.int64)
 
     def ends(self, y0: Array, ground1: Array, total: int) -> tuple[Floats, Floats]:
         """Rows (cos, sin, value) of the drives at both ends of a step."""
@@ -61,7 +59,7 @@ class _Drives:
 class Reparametrisation:
     """F_d of one step, composed increment by increment; see the module."""
 
-    def __init__(self, kinematics: Kinematics) -> None:
+    def __init__(self, kinematics: Kinematics):
         self.kin = kinematics
         tree = kinematics.tree
         self._grounds = np.arange(len(kinematics.twist_of), len(kinematics.row))
@@ -70,7 +68,8 @@ class Reparametrisation:
             numbers = kinematics.numbers[kind].reshape(-1, size)
             return numbers, kinematics.vertex[numbers[:, 0]]
 
-        self._directions, self._axes = tree.directions, tree.axes
+        self._directions = tree.directions
+        self._axes = tree.axes
         self._flat = tree.plane is not None
         self.shift_numbers, self._shift_vertices = pick("translation", len(self._directions))
         self.turn_numbers, self._turn_vertices = pick("rotation", len(self._axes))
@@ -89,18 +88,18 @@ class Reparametrisation:
         self._prepare_turns()
         # increments that a step starts with, not to be written to
         self._still_shift = np.zeros((len(self.shift_numbers), 3))
-        self._still_turns = np.repeat(np.eye(1, 4), len(self._theta), axis=0)
+        self._still_turns = np.eye(1, 4).repeat(len(self._theta), 0)
 
     def _prepare_turns(self) -> None:
         """Rotation vectors of free frames, arms on spheres and hinges: numbers and factors."""
         # a driven hinge has a factor of zero
-        hinges = np.zeros(len(self.kin.guided), dtype=np.int64)
+        hinges = np.zeros(len(self.kin.guided), np.int64)
         hinges[self._hinges.free] = self._hinges.numbers
         self._hinge_free = np.zeros((len(hinges), 1))
         self._hinge_free[self._hinges.free] = 1.0
         single = np.concatenate([self.sphere_numbers[:, 0], hinges])
         numbers = np.broadcast_to(self.turn_numbers, (len(self.turn_numbers), 3))
-        self._theta = np.concatenate([numbers, np.repeat(single[:, None], 3, axis=1)])
+        self._theta = np.concatenate([numbers, single[:, None].repeat(3, 1)])
         along = self._axes if self._flat else np.ones((1, 3))
         self._along = -np.broadcast_to(along, (len(self.turn_numbers), 3))
         #: first sphere, first hinge
@@ -109,17 +108,19 @@ class Reparametrisation:
 
     def _prepare_rotations(self) -> None:
         """Relative rotation of each child: of one or two hinges, or none."""
-        kin, tree = self.kin, self.kin.tree
+        kin = self.kin
+        tree = self.kin.tree
         ends = [(e.child, e.parent, tree.depth[e.child]) for e in tree.edges]
-        child, parent, depth = np.array(ends, dtype=np.int64).reshape(-1, 3).T
-        turned = np.array([e.freedom.turns is not None for e in tree.edges], dtype=bool)
+        child, parent, depth = np.array(ends, np.int64).reshape(-1, 3).T
+        turned = np.array([e.freedom.turns is not None for e in tree.edges], bool)
         turned &= np.isin(child, kin.frames)
         self._relative = [tree.edges[k] for k in np.flatnonzero(turned)]
         number = {c.number: i for i, c in enumerate(kin.guided)}
         self._layers = _layers([tree.turns.get(e.child, []) for e in self._relative], number)
         self._ground_rows = kin.row[self._grounds][:, None] + np.arange(1, 4)
         self._prepare_order()
-        relative, order = np.cumsum(turned) - 1, np.argsort(depth, kind="stable")
+        relative = turned.cumsum() - 1
+        order = depth.argsort(kind="stable")
         self._levels = []
         for at in np.split(order, np.flatnonzero(np.diff(depth[order])) + 1):
             own = at[turned[at]]
@@ -129,7 +130,8 @@ class Reparametrisation:
 
     def _prepare_order(self) -> None:
         """Set the places that rotations and rows of y are taken from; of children, placeholders."""
-        kin, a = self.kin, len(self.turn_numbers) + len(self.sphere_numbers)
+        kin = self.kin
+        a = len(self.turn_numbers) + len(self.sphere_numbers)
         b = a + len(kin.guided)
         #: by vertex: of turns, swings, hinges, then the ground's, then one
         self._of_vertex = np.full(len(kin.row), b + len(self._grounds))
@@ -140,7 +142,7 @@ class Reparametrisation:
             which, number = self._layers[0]
             self._of_relative[which] = a + number
         #: by row: of shifted rows, directors, ground
-        self._of_row = np.zeros(kin.total, dtype=np.int64)
+        self._of_row = np.zeros(kin.total, np.int64)
         rows = [self._shift_rows, kin.director_rows.ravel()]
         rows.append(np.arange(len(kin.row_twist), kin.total))
         rows_of = np.concatenate(rows)
@@ -148,7 +150,8 @@ class Reparametrisation:
 
     def _prepare_positions(self) -> None:
         """``phi_child - phi_parent`` of each edge from directors, arms on spheres, slides."""
-        kin, tree = self.kin, self.kin.tree
+        kin = self.kin
+        tree = self.kin.tree
         edges = tree.edges
         self._arm_rows, self._arm_factors = combination(
             [
@@ -160,9 +163,9 @@ class Reparametrisation:
             ]
         )
         place = {e.child: i for i, e in enumerate(edges)}
-        self._sphere_at = np.array([place[e.child] for e in self._sphere_edges], dtype=np.int64)
-        self._open_at = np.array([place[e.child] for e in self._open_edges], dtype=np.int64)
-        self._guide = np.array([e.guide for e in self._open_edges], dtype=np.int64)
+        self._sphere_at = np.array([place[e.child] for e in self._sphere_edges], np.int64)
+        self._open_at = np.array([place[e.child] for e in self._open_edges], np.int64)
+        self._guide = np.array([e.guide for e in self._open_edges], np.int64)
         number = {c.number: i for i, c in enumerate(kin.sliding)}
         self._slides = _layers([tree.slides[e.child] for e in self._open_edges], number)
 
@@ -173,12 +176,12 @@ class Reparametrisation:
         kin = self.kin
         self.y0 = y0
         self._triads0 = kin.directors(y0)
-        self._shifted0 = y0.take(self._shift_rows, axis=0)
+        self._shifted0 = y0.take(self._shift_rows, 0)
         self.fixed = kin.fixed_axes(y0)
         self._arm = self._arms_of(self._sphere_edges, y0)
         self._open_arm = self._arms_of(self._open_edges, y0)
         self._hinge_axis, left, right = kin.material_axes(y0)
-        swings = self.fixed.take(self.sphere_numbers[:, 0], axis=0)
+        swings = self.fixed.take(self.sphere_numbers[:, 0], 0)
         self._factors = np.concatenate([self._along, -swings, -self._hinge_free * self._hinge_axis])
         self._track_axis = cross(left, right)
         self._set_ground(ground1)
@@ -192,8 +195,8 @@ class Reparametrisation:
         self._driven_turns = exp_quaternion(-angle[:, None] * self._hinge_axis[self._hinges.where])
         a, b = self._tracks.ends(self.y0, ground1, self.kin.total)
         self._driven_track = b[:, 2] - a[:, 2]
-        now = ground1.take(self._ground_rows - (self.kin.total - len(ground1)), axis=0)
-        turns = self.y0.take(self._ground_rows, axis=0).transpose(0, 2, 1) @ now
+        now = ground1.take(self._ground_rows - (self.kin.total - len(ground1)), 0)
+        turns = self.y0.take(self._ground_rows, 0).transpose(0, 2, 1) @ now
         self._still = np.concatenate([turns, np.eye(3)[None]])
 
     def _arms_of(self, edges: Sequence[Edge], y: Array) -> Array:
@@ -253,28 +256,28 @@ class Reparametrisation:
         kin = self.kin
         rotations = rotation_matrix(self._turns)
         all_of_them = np.concatenate([rotations, self._still])
-        R = all_of_them.take(self._of_vertex, axis=0)
+        R = all_of_them.take(self._of_vertex, 0)
         relative = self._relative_rotations(all_of_them)
         for level in self._turning:
-            R[level.child] = relative.take(level.relative, axis=0) @ R.take(level.parent, axis=0)
-        directors = (self._triads0 @ R.take(kin.frames, axis=0)).reshape(-1, 3)
+            R[level.child] = relative.take(level.relative, 0) @ R.take(level.parent, 0)
+        directors = (self._triads0 @ R.take(kin.frames, 0)).reshape(-1, 3)
         parts = [self._shifted0 + self._shift, directors, self._ground1]
-        y = np.concatenate(parts).take(self._of_row, axis=0)
+        y = np.concatenate(parts).take(self._of_row, 0)
         arms = self._arms(y, R, rotations[self._sphere_first : self._hinge_first])
         for level in self._levels:
-            y[level.child_row] = y.take(level.parent_row, axis=0) + arms.take(level.edge, axis=0)
+            y[level.child_row] = y.take(level.parent_row, 0) + arms.take(level.edge, 0)
         return y
 
     def _relative_rotations(self, rotations: Array) -> Array:
         """``exp(alpha a_n) exp(beta b_n)`` of each child with a relative rotation, its inverse."""
-        out = rotations.take(self._of_relative, axis=0)
+        out = rotations.take(self._of_relative, 0)
         for which, number in self._layers[1:]:
             out[which] = rotations[self._hinge_first + number] @ out[which]
         return out
 
     def _arms(self, y: Array, R: Array, swings: Array) -> Array:
         """``phi_child - phi_parent`` of each edge."""
-        out = (self._arm_factors @ y.take(self._arm_rows, axis=0))[:, 0]
+        out = (self._arm_factors @ y.take(self._arm_rows, 0))[:, 0]
         out[self._sphere_at] += (self._arm[:, None] @ swings)[:, 0]
         arm = self._open_arm.astype(y.dtype)
         slide = self._track[:, None] * self._track_axis
@@ -293,5 +296,5 @@ def _layers(
         which = [i for i, coordinates in enumerate(each) if len(coordinates) > k]
         ids = [number[each[i][k].number] for i in which]
         if which:
-            out.append((np.array(which, dtype=np.int64), np.array(ids, dtype=np.int64)))
+            out.append((np.array(which, np.int64), np.array(ids, np.int64)))
     return out

@@ -40,7 +40,7 @@ from ..types import (
     numbers,
     real,
 )
-from ..warn import Notices
+from ..warn import Notice, Notices
 from .checks import (
     JointRows,
     check_drives,
@@ -198,17 +198,19 @@ class System(Pictured):
         placed: Placed | None = None,
         scene: dict[str, Item] | None = None,
         copies: Replacements | None = None,
-    ) -> None:
+    ):
         #: what was doubtful when it was made, as ``history.meta["warnings"]`` of its runs repeats
-        self.warnings: list[dict[str, Any]] = []
+        self.warnings: list[Notice] = []
         self.scene = scene
         #: of joints' coordinates, made when they are asked for
         self.readings: dict[tuple[int, str | None], Any] = {}
         #: finds what stands for places of the model that this scene was rebuilt from
         self.copies = copies
-        self.placed, self.since = placed, 0.0 if placed is None else placed.t
+        self.placed = placed
+        self.since = 0.0 if placed is None else placed.t
         self.structures, self.joints, self.loads = list(structures), list(joints), list(loads)
-        self.drives, self.dampings = list(drives), list(dampings)
+        self.drives = list(drives)
+        self.dampings = list(dampings)
         self._number()
         self._place_ground(couplings)
         self._group(dampings)
@@ -232,15 +234,15 @@ class System(Pictured):
             self.drives,
             [*self.couplings.items, *self.couplings.own],
         )
-        scene = *items, self.dampings, self.placed, self.scene
-        return _made, (scene, self.plane, self.warnings)
+        return _made, ((*items, self.dampings, self.placed, self.scene), self.plane, self.warnings)
 
     @cached_property
     def vertex_coordinates(self) -> Coordinates:
         """Coordinates in space with no joint in the tree: all vertices free, all rows left."""
         tree = build_tree(self.is_frame.tolist(), [])
         kinematics = Kinematics(tree, self.vertex_rows, self.is_frame, self.total)
-        rows, tied = np.arange(self.internal, self.m), self.joint_coordinates
+        rows = np.arange(self.internal, self.m)
+        tied = self.joint_coordinates
         return Coordinates(self, tree, kinematics, rows, tied.joint_edges, tied.closure)
 
     def _lock(self) -> None:
@@ -276,13 +278,15 @@ class System(Pictured):
                 (y, vertices.positions, vertices.triads),
                 (rates, vertices.velocities, turning),
             ):
-                rows.append(np.concatenate([origins[:, None], directors], axis=1).reshape(-1, 3))
+                rows.append(np.concatenate([origins[:, None], directors], 1).reshape(-1, 3))
             row += 4 * count
-        self.rows, self.n = row, 3 * row
+        self.rows = row
+        self.n = 3 * row
         self.is_frame = np.concatenate(framed)
         size = np.where(self.is_frame, 4, 1)
-        self.origin_rows: IndexArray = np.cumsum(size) - size
-        self._y0, self._v0 = np.concatenate(y), np.concatenate(rates)
+        self.origin_rows: IndexArray = size.cumsum() - size
+        self._y0 = np.concatenate(y)
+        self._v0 = np.concatenate(rates)
 
     def _place_ground(self, couplings: Sequence[Coupling]) -> None:
         places = [place for joint in self.joints for place in (joint.a, joint.b)]
@@ -405,7 +409,7 @@ class System(Pictured):
         if self.plane is None:
             #: coordinates in space with all joints in the tree
             self.joint_coordinates = Coordinates(
-                *(self, self.tree, self.kinematics, self.left_rows, self.tree.edges, self.closure)
+                self, self.tree, self.kinematics, self.left_rows, self.tree.edges, self.closure
             )
 
     def confine(self, plane: Plane) -> None:
@@ -455,7 +459,8 @@ class System(Pictured):
         return about | {"degrees of freedom": self.unknowns, "mass in kg": mass}
 
     def __repr__(self) -> str:
-        names, c = listed([i.label for i in self.structures]), self.counts()
+        names = listed([i.label for i in self.structures])
+        c = self.counts()
         return (
             f"<System of {names}; n = {c['n']}, m = {c['m']} (rank {c['rank']}),"
             f" unknowns {self.coordinates + c['rank']} with multipliers,"
@@ -510,7 +515,8 @@ class System(Pictured):
         >>> system.independent_rows(system.extend(system.q0, 0.0)).tolist()
         [True, True, True, True, True, True]
         """
-        keep, closure = np.ones(self.m, dtype=bool), self.joint_coordinates.closure
+        keep = np.ones(self.m, bool)
+        closure = self.joint_coordinates.closure
         if len(closure.rows):
             keep[closure.rows] = False
             for s in closure.select(y, closure.kin.values_at(y)):
@@ -598,7 +604,7 @@ class System(Pictured):
         """
         if q.size != self.n:
             raise InputError("argument q", f"has shape {q.shape}, expected ({self.n},)")
-        y = np.empty((self.total, 3), dtype=q.dtype)
+        y = np.empty((self.total, 3), q.dtype)
         y[: self.rows] = q.reshape(-1, 3)
         y[self.rows :] = self.grounds.at(t)
         return y
@@ -714,8 +720,7 @@ class System(Pictured):
 
     def couplings_of(self, items: Sequence[Coupling]) -> Couplings:
         """Some of its force elements as arrays."""
-        start = self.extend(self.q0, 0.0)
-        return Couplings(items, self.row_of, start, self.rows, self.length)
+        return Couplings(items, self.row_of, self.extend(self.q0, 0.0), self.rows, self.length)
 
     @cached_property
     def length(self) -> float:
@@ -742,9 +747,9 @@ class System(Pictured):
     def _force_dofs(self) -> IndexArray:
         return np.concatenate([g.dofs.ravel() for g in self.beam_groups])
 
-    def mass_tangent(self, factor: float) -> list[Array]:
-        """``factor * M`` as blocks of the groups; fresh arrays, to be added to."""
-        return [factor * g.mass for g in self.groups]
+    def empty_tangent(self) -> list[Array]:
+        """Zeros as blocks of the groups; fresh arrays, to be added to."""
+        return [0.0 * g.mass for g in self.groups]
 
 
 def listed(labels: Sequence[str]) -> str:
@@ -753,9 +758,7 @@ def listed(labels: Sequence[str]) -> str:
     return ", ".join(labels[:SHOWN]) + (f" and {more} more" if more > 0 else "") or "nothing"
 
 
-def _made(
-    items: Sequence[Any], plane: Plane | None, known: Sequence[dict[str, Any]] = ()
-) -> System:
+def _made(items: Sequence[Any], plane: Plane | None, known: Sequence[Notice] = ()) -> System:
     with Notices(quiet=True, alone=True):  # said when it was made first
         system = System(*items)
         if plane is not None:

@@ -17,7 +17,7 @@ import numpy as np
 from ..frames import is_beam
 from ..joint import Joint
 from ..strain import FORMS
-from ..types import Floats, IndexArray
+from ..types import NO_INDICES, Floats, IndexArray
 from .groups import Structure
 from .quadratic import ConstraintBuilder
 from .tree import RigidElement, Tree
@@ -111,7 +111,8 @@ def add_theory_rows(
 def _products(beam: Beam, row: int) -> Iterator[tuple[Terms, Terms, float | None]]:
     """Left and right sums of each product, and its factor; None: the row is complete."""
     basis = beam.basis
-    N, slope = basis.shape(basis.points), basis.dshape(basis.points)
+    N = basis.shape(basis.points)
+    slope = basis.dshape(basis.points)
     for e, nodes in enumerate(basis.connectivity):
         origins = (row + 4 * nodes).tolist()
         for g in range(len(basis.points)):
@@ -169,7 +170,7 @@ class Spanning:
         Elements that are not in the tree.
     """
 
-    def __init__(self, tree: Tree, theories: Sequence[TheoryRows]) -> None:
+    def __init__(self, tree: Tree, theories: Sequence[TheoryRows]):
         self._ground = len(tree.is_frame)
         self.joining: list[HeldElement] = []
         self.closing: list[HeldElement] = []
@@ -226,4 +227,4 @@ class Spanning:
 def rows_of(elements: Iterable[HeldElement]) -> IndexArray:
     """Constraint rows of elements."""
     rows = [each.numbers[e].ravel() for each, e in elements]
-    return np.concatenate([np.zeros(0, dtype=np.int64), *rows])
+    return np.concatenate([NO_INDICES, *rows])

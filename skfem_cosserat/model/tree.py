@@ -156,7 +156,7 @@ class Pairs(NamedTuple):
     @classmethod
     def of(cls, each: Sequence[tuple[int, int, int, bool]]) -> Pairs:
         """From one after the other."""
-        vertex, number, target, rotates = np.array(each, dtype=np.int64).reshape(-1, 4).T
+        vertex, number, target, rotates = np.array(each, np.int64).reshape(-1, 4).T
         return cls(vertex, number, target, rotates.astype(bool))
 
     @classmethod
@@ -209,7 +209,8 @@ class Tree:
         if number in self.coordinates:
             return self.coordinates[number]
         v = bisect_right(self.own, number, key=lambda own: own.start) - 1
-        place, shifts = number - self.own[v].start, len(self.directions)
+        place = number - self.own[v].start
+        shifts = len(self.directions)
         if place < shifts:
             return Coordinate("translation", v, number, self.directions[place])
         return Coordinate("rotation", v, number, self.axes[place - shifts], centre=Spot(v))
@@ -270,7 +271,8 @@ class Tree:
 
     def own_pairs(self, edge: Edge) -> list[tuple[int, int, int, bool]]:
         """A child, by the coordinates of its joint: rows of :class:`Pairs`."""
-        c, pairs = edge.child, []
+        c = edge.child
+        pairs = []
         for k in self.own[c]:
             kind = self.coordinate(k).kind
             if kind == "slide":
@@ -311,11 +313,11 @@ def build_tree(
     by_child = {edge.child: edge for edge in edges}
     count = np.where(is_frame, len(tree.directions) + len(tree.axes), len(tree.directions))
     count[[*by_child]] = 0
-    before = np.cumsum(count).tolist()  # coordinates of vertices without a parent
+    before = count.cumsum().tolist()  # coordinates of vertices without a parent
     adding = _Adding(tree)
     for v in sorted(by_child):  # numbering in vertex order keeps neighbours close
         count[v] = adding.vertex(v, by_child[v], before[v])
-    first = (np.cumsum(count) - count).tolist()
+    first = (count.cumsum() - count).tolist()
     tree.own = [range(k, k + size) for k, size in zip(first, count.tolist(), strict=True)]
     for k, coordinate in enumerate(tree.driven):
         coordinate.number = tree.count + k
@@ -348,7 +350,8 @@ def _connect(
             v = queue.popleft()
             for j in around.get(v, []):
                 end = ends[j]
-                a, b = end.a, end.b
+                a = end.a
+                b = end.b
                 parent, child = (a, b) if min(a.vertex, nv) == v else (b, a)
                 if j in used or child.vertex in seen or child.vertex >= nv:
                     continue
@@ -368,7 +371,7 @@ def _connect(
 class _RigidElements:
     """Rigid elements that the tree may go along, each once."""
 
-    def __init__(self, elements: Sequence[RigidElement]) -> None:
+    def __init__(self, elements: Sequence[RigidElement]):
         self.of: dict[int, list[RigidElement]] = {}  # by vertex
         for element in elements:
             for v in element.vertices:
@@ -395,12 +398,13 @@ class _RigidElements:
 class _Adding:
     """Adds the coordinates of vertices with a parent, one vertex after the other."""
 
-    def __init__(self, tree: Tree) -> None:
+    def __init__(self, tree: Tree):
         self.tree, self.v, self._before = tree, -1, 0
         self.axes = list(tree.axes)
 
     def add(self, kind: str, axis: Floats, drive: int | None = None, **more: object) -> Coordinate:
-        tree, number = self.tree, self._before + len(self.tree.coordinates)
+        tree = self.tree
+        number = self._before + len(self.tree.coordinates)
         new = Coordinate(kind, self.v, number, axis, drive=drive, **more)  # type: ignore[arg-type]
         if drive is None:
             tree.coordinates[number] = new
@@ -423,7 +427,8 @@ class _Adding:
                 self.add("sphere", axis, centre=edge.parent_spot)
         driven = edge.end.driven
         for slide in freedom.slides:
-            left, right = edge.sign * a.material(slide.left), a.material(slide.right)
+            left = edge.sign * a.material(slide.left)
+            right = a.material(slide.right)
             new = self.add("slide", left, driven.get(slide.name), guide=edge.guide, right=right)
             self.tree.slides.setdefault(self.v, []).append(new)
         if not self.tree.is_frame[self.v]:

@@ -11,7 +11,7 @@ from skfem import MeshTri1
 
 from ..errors import InputError
 from ..frozen import Frozen
-from ..types import ArrayLike, Floats, IndexArray, numbers
+from ..types import NO_INDICES, ArrayLike, Floats, IndexArray, numbers
 from .profile import AnyMaterial, Profile, signed_area
 
 # -- triangles of good shape between given segments: Ruppert's refinement of Delaunay's mesh -------
@@ -35,12 +35,14 @@ def _halved(points: Floats, segments: IndexArray, which: IndexArray) -> tuple[Fl
 def _circumcircles(points: Floats, t: IndexArray) -> tuple[Floats, Floats, Floats]:
     """Centres, radii and shortest edges of triangles (k, 3)."""
     a, b, c = points[t[:, 0]], points[t[:, 1]], points[t[:, 2]]
-    u, v = b - a, c - a
+    u = b - a
+    v = c - a
     twice = 2 * (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0])
-    uu, vv = (u**2).sum(axis=1), (v**2).sum(axis=1)
+    uu = (u**2).sum(1)
+    vv = (v**2).sum(1)
     offset = np.column_stack([v[:, 1] * uu - u[:, 1] * vv, u[:, 0] * vv - v[:, 0] * uu])
     offset /= twice[:, None]
-    shortest = np.sqrt(np.minimum(np.minimum(uu, vv), ((c - b) ** 2).sum(axis=1)))
+    shortest = np.sqrt(np.minimum(np.minimum(uu, vv), ((c - b) ** 2).sum(1)))
     return a + offset, np.linalg.norm(offset, axis=1), shortest
 
 
@@ -53,9 +55,10 @@ def _missing(t: IndexArray, segments: IndexArray, count: int) -> IndexArray:
 def _encroached(points: Floats, segments: IndexArray, by: Floats) -> IndexArray:
     """Segments with a point of ``by`` inside their diametral circle."""
     if len(by) == 0:
-        return np.zeros(0, dtype=np.int64)
+        return NO_INDICES
     ends = points[segments]
-    middle, radius = ends.mean(axis=1), np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
+    middle = ends.mean(1)
+    radius = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1) / 2
     near = cKDTree(by).query_ball_point(middle, radius * (1 - 1e-9), return_length=True)
     return np.flatnonzero(near > 0)
 
@@ -63,7 +66,7 @@ def _encroached(points: Floats, segments: IndexArray, by: Floats) -> IndexArray:
 def _apart(centres: Floats, radii: Floats) -> IndexArray:
     """Centres that keep a distance from all taken before them: they can be added together."""
     close = cKDTree(centres).query_ball_point(centres, 0.8 * radii)
-    taken = np.zeros(len(centres), dtype=bool)
+    taken = np.zeros(len(centres), bool)
     for k, others in enumerate(close):
         taken[k] = not taken[others].any()
     return np.flatnonzero(taken)
@@ -112,10 +115,10 @@ def triangulate(
         if len(split):
             points, segments = _halved(points, segments, split)
             continue
-        t = t[inside(points[t].mean(axis=1)) >= 0]
+        t = t[inside(points[t].mean(1)) >= 0]
         centres, radii, shortest = _circumcircles(points, t)
         bad = np.flatnonzero((radii > SHAPE * shortest) & (shortest > floor))
-        bad = bad[np.argsort(-radii[bad] / shortest[bad])]
+        bad = bad[(-radii[bad] / shortest[bad]).argsort()]
         bad = bad[_apart(centres[bad], radii[bad])] if len(bad) else bad
         split = long_enough(_encroached(points, segments, centres[bad]))
         if len(bad) == 0:
@@ -150,10 +153,9 @@ class Region(Frozen):
     (3, 2)
     """
 
-    def __init__(
-        self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()
-    ) -> None:
-        self.outline, self.material = _corners("outline", outline), material
+    def __init__(self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()):
+        self.outline = _corners("outline", outline)
+        self.material = material
         self.holes = tuple(_corners(f"hole {k}", hole) for k, hole in enumerate(holes))
 
 
@@ -184,7 +186,7 @@ def _corners(name: str, value: ArrayLike) -> Floats:
 
 
 def _first(bad: Any) -> int:
-    return int(np.flatnonzero(bad.any(axis=1))[0])
+    return int(np.flatnonzero(bad.any(1))[0])
 
 
 def _shapely() -> Any:
@@ -199,7 +201,8 @@ def _shapely() -> Any:
 
 def _shapes(regions: Sequence[Region]) -> list[Any]:
     """The regions as polygons of shapely that do not overlap."""
-    shapely, item = _shapely(), "polygon"
+    shapely = _shapely()
+    item = "polygon"
     shapes = []
     for k, region in enumerate(regions):
         outline = shapely.Polygon(region.outline)
@@ -237,18 +240,18 @@ def _triangulated(shapes: list[Any]) -> MeshTri1:
     wall = 2 * sum(shape.area for shape in shapes) / lines.length  # its thickness, if it is thin
     pieces = shapely.get_parts(shapely.segmentize(lines, 2 * wall))
     ends = np.concatenate(
-        [np.stack([x[:-1], x[1:]], axis=1) for x in map(shapely.get_coordinates, pieces)]
+        [np.stack([x[:-1], x[1:]], 1) for x in map(shapely.get_coordinates, pieces)]
     )
     points, segments = np.unique(ends.reshape(-1, 2), axis=0, return_inverse=True)
 
     def owner(x: Floats) -> IndexArray:
         within = [shapely.contains_xy(shape, *x.T) for shape in shapes]
-        return np.where(np.any(within, axis=0), np.argmax(within, axis=0), -1)
+        return np.where(np.any(within, 0), np.argmax(within, 0), -1)
 
     for shape in shapes:
         shapely.prepare(shape)
     points, t = triangulate(points, segments.reshape(-1, 2), owner)
-    owners = owner(points[t].mean(axis=1))
+    owners = owner(points[t].mean(1))
     return MeshTri1(points.T.copy(), t.T.copy()).with_subdomains(
         {f"region {k}": np.flatnonzero(owners == k) for k in range(len(shapes))}
     )
@@ -283,7 +286,7 @@ class ProfileComposite(Profile):
 
     item = "polygon"
 
-    def __init__(self, regions: Sequence[Region]) -> None:
+    def __init__(self, regions: Sequence[Region]):
         if len(regions) == 0:
             raise InputError(self.item, "no regions are given")
         for k, region in enumerate(regions):
@@ -320,7 +323,5 @@ class ProfilePolygon(ProfileComposite):
     0.0017
     """
 
-    def __init__(
-        self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()
-    ) -> None:
+    def __init__(self, outline: ArrayLike, material: AnyMaterial, holes: Sequence[ArrayLike] = ()):
         super().__init__([Region(outline, material, holes)])

@@ -37,7 +37,8 @@ def signed_area(polygon: Floats) -> float:
 
 def _without_straight(polygon: Floats) -> Floats:
     """Without points on the straight line between their neighbours."""
-    before, after = polygon - np.roll(polygon, 1, axis=0), np.roll(polygon, -1, axis=0) - polygon
+    before = polygon - np.roll(polygon, 1, axis=0)
+    after = np.roll(polygon, -1, axis=0) - polygon
     cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     keep = abs(cross) > 1e-9 * np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
     return polygon[keep]
@@ -55,13 +56,14 @@ def boundary_loops(mesh: Mesh) -> list[Floats]:
     (4, 2)
     """
     facets = mesh.boundary_facets()
-    curved = isinstance(mesh, MeshTri2 | MeshQuad2)
+    curved = isinstance(mesh, (MeshTri2, MeshQuad2))
     middle = mesh.doflocs[:, mesh.dofs.facet_dofs[0, facets]] if curved else None
     at: dict[int, list[tuple[int, int]]] = {}
     for k, (a, b) in enumerate(mesh.facets[:, facets].T.tolist()):
         at.setdefault(a, []).append((k, b))
         at.setdefault(b, []).append((k, a))
-    left, loops = set(range(len(facets))), []
+    left = set(range(len(facets)))
+    loops = []
     while left:
         k = min(left)
         start = node = int(mesh.facets[0, facets[k]])
@@ -89,7 +91,7 @@ AnyMaterial = Material | MaterialAnisotropic
 
 def _checked_mesh(item: str, mesh: Mesh) -> Mesh:
     """Finite, of positive area, every edge between at most two elements, in one piece."""
-    if not isinstance(mesh, MeshTri1 | MeshTri2 | MeshQuad1 | MeshQuad2):
+    if not isinstance(mesh, (MeshTri1, MeshTri2, MeshQuad1, MeshQuad2)):
         raise InputError(
             item,
             f"mesh is a {type(mesh).__name__}, expected scikit-fem's MeshTri, MeshTri2, MeshQuad"
@@ -108,12 +110,12 @@ def _checked_mesh(item: str, mesh: Mesh) -> Mesh:
         mesh = mesh.remove_unused_nodes()
     size = _sizes(mesh)
     if (size <= 1e-12 * size.max()).any():
-        raise InputError(item, f"element {int(np.argmin(size))} of the mesh has no area")
+        raise InputError(item, f"element {int(size.argmin())} of the mesh has no area")
     pairs = mesh.f2t[:, mesh.f2t[1] >= 0]
     graph = coo_matrix((np.ones(pairs.shape[1]), pairs), shape=2 * (mesh.nelements,))
     parts, part = connected_components(graph, directed=False)
     if parts > 1:
-        first = mesh.p[:, mesh.t[:, [np.argmax(part == k) for k in range(2)]]].mean(axis=1)
+        first = mesh.p[:, mesh.t[:, [np.argmax(part == k) for k in range(2)]]].mean(1)
         raise InputError(
             item,
             f"the section falls into {parts} parts that share no edge, e.g. those at"
@@ -178,13 +180,14 @@ class Profile(Frozen):
 
     item = "profile"
 
-    def __init__(self, mesh: Mesh, material: AnyMaterial | Mapping[str, AnyMaterial]) -> None:
+    def __init__(self, mesh: Mesh, material: AnyMaterial | Mapping[str, AnyMaterial]):
         mesh = _checked_mesh(self.item, mesh)
         if isinstance(material, Mapping):
             index = _assigned(self.item, mesh, list(material))
             materials = list(material.values())
         else:
-            index, materials = np.zeros(mesh.nelements, dtype=np.int64), [material]
+            index = np.zeros(mesh.nelements, np.int64)
+            materials = [material]
         elasticities = [elasticity(each) for each in materials]
         first = [materials.index(each) for each in materials]  # given several times: once
         distinct = sorted(set(first))
@@ -242,7 +245,8 @@ class Profile(Frozen):
         """
         positive(self.item, "tolerance", tolerance)
         shift = _centroid(self.mesh)
-        mesh, index = self.mesh.translated(-shift), self.index
+        mesh = self.mesh.translated(-shift)
+        index = self.index
         while True:
             coarse, fine = (
                 solve_warping(mesh, order, index, self.elasticities) for order in (2, 3)
@@ -250,8 +254,7 @@ class Profile(Frozen):
             error = float(abs(eigh(coarse.compliance, fine.compliance)[0] - 1).max())
             if error <= tolerance:
                 return self._result(fine, error).moved(-shift)
-            marked = _marked(coarse, fine)
-            finer = _refined(mesh, index, marked)
+            finer = _refined(mesh, index, _marked(coarse, fine))
             if finer is None or finer[0].nelements > max_elements:
                 raise InputError(
                     self.item,
@@ -285,9 +288,11 @@ class Profile(Frozen):
         return self.constants(tolerance).moved(origin, angle).section()
 
     def _result(self, warping: Warping, error: float) -> ProfileConstants:
-        dx, x = warping.basis.dx, np.asarray(warping.basis.global_coordinates())
+        dx = warping.basis.dx
+        x = np.asarray(warping.basis.global_coordinates())
         rho = np.array([each.rho for each in self.materials])[warping.index][:, None] * dx
-        mass, area = rho.sum(), dx.sum()
+        mass = rho.sum()
+        area = dx.sum()
         C = self.elasticities[warping.index]
         shear = np.einsum("eij,eq->ij", C[:, [[4, 3], [4, 3]], [[4, 4], [3, 3]]], dx)
         return ProfileConstants(
@@ -334,21 +339,21 @@ class Profile(Frozen):
 def _sizes(mesh: Mesh) -> Floats:
     """About the area of each element: that between its corners."""
     x, y = mesh.p[:, mesh.t] - mesh.p[:, :1, None]
-    return abs((x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(axis=0))
+    return abs((x * np.roll(y, -1, axis=0) - y * np.roll(x, -1, axis=0)).sum(0))
 
 
 def _centroid(mesh: Mesh) -> Floats:
     weight = _sizes(mesh)
-    return mesh.p[:, mesh.t].mean(axis=1) @ weight / weight.sum()
+    return mesh.p[:, mesh.t].mean(1) @ weight / weight.sum()
 
 
 def _marked(coarse: Warping, fine: Warping) -> IndexArray:
     """Elements that hold most of the energy of the difference, for six loads of equal energy."""
     loads = np.linalg.inv(np.linalg.cholesky(fine.compliance)).T
     difference = np.einsum("rl,rieq->lieq", loads, fine.strains - coarse.strains)
-    share = fine.energies(difference).sum(axis=0)
+    share = fine.energies(difference).sum(0)
     share_down = -np.sort(-share)
-    total = np.cumsum(share_down)
+    total = share_down.cumsum()
     least = share_down[np.searchsorted(total, 0.8 * total[-1])]
     return np.flatnonzero(share >= (1 - 1e-6) * least)  # equal ones together
 
@@ -360,10 +365,11 @@ def _refined(mesh: Mesh, index: IndexArray, marked: IndexArray) -> tuple[Mesh, I
     curved = isinstance(mesh, MeshTri2)
     straight = MeshTri1(mesh.p[:, : mesh.t.max() + 1], mesh.t) if curved else mesh
     # subdomains go along: the bits of the numbers of the elements say where each one came from
-    number, bits = np.arange(mesh.nelements), range(mesh.nelements.bit_length())
+    number = np.arange(mesh.nelements)
+    bits = range(mesh.nelements.bit_length())
     tagged = straight.with_subdomains({str(k): np.flatnonzero(number >> k & 1) for k in bits})
     finer = tagged.refined(marked) if mesh.t.shape[0] == 3 else tagged.refined()
-    parent = np.zeros(finer.nelements, dtype=np.int64)
+    parent = np.zeros(finer.nelements, np.int64)
     for k in bits:
         parent[finer.subdomains[str(k)]] += 1 << k
     return (_bent(mesh, straight, finer, parent) if curved else finer), index[parent]

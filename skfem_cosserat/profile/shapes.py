@@ -20,11 +20,11 @@ Part = tuple[Sequence[float], Sequence[float], AnyMaterial]
 def _lines(ends: Floats) -> tuple[Floats, IndexArray]:
     """Ends sorted, those equal to round-off once; and the position of each given end."""
     size = np.ptp(ends)
-    order = np.argsort(ends, axis=None)
+    order = ends.argsort(axis=None)
     new = np.diff(ends.ravel()[order], prepend=-np.inf) > 1e-9 * size
-    place = np.empty(ends.size, dtype=np.int64)
-    place[order] = np.cumsum(new) - 1
-    return ends.ravel()[order][new], np.reshape(place, ends.shape)
+    place = np.empty(ends.size, np.int64)
+    place[order] = new.cumsum() - 1
+    return ends.ravel()[order][new], place.reshape(ends.shape)
 
 
 def _divided(x: Floats, size: float) -> tuple[Floats, IndexArray]:
@@ -33,7 +33,7 @@ def _divided(x: Floats, size: float) -> tuple[Floats, IndexArray]:
     parts = [
         np.linspace(a, b, n, endpoint=False) for a, b, n in zip(x, x[1:], counts, strict=False)
     ]
-    return np.append(np.concatenate(parts), x[-1]), np.repeat(np.arange(len(counts)), counts)
+    return np.append(np.concatenate(parts), x[-1]), np.arange(len(counts)).repeat(counts)
 
 
 class ProfileRectangles(Profile):
@@ -60,7 +60,7 @@ class ProfileRectangles(Profile):
 
     item = "profile of rectangles"
 
-    def __init__(self, parts: Sequence[Part]) -> None:
+    def __init__(self, parts: Sequence[Part]):
         if len(parts) == 0:
             raise InputError(self.item, "no rectangles are given")
         ends = shaped(self.item, "ends", [part[:2] for part in parts], (len(parts), 2, 2))
@@ -85,7 +85,7 @@ def _grid(x: Floats, y: Floats, owner: IndexArray, size: float) -> tuple[Mesh, l
     """Triangles of the cells that are owned, a subdomain for each owner."""
     (x, column), (y, row) = _divided(x, size), _divided(y, size)
     cell = owner[np.ix_(column, row)]
-    i, j = np.nonzero(cell >= 0)
+    i, j = (cell >= 0).nonzero()
     corner = i * len(y) + j
     a, b, c, d = corner, corner + len(y), corner + len(y) + 1, corner + 1
     even = (i + j) % 2 == 0
@@ -96,7 +96,7 @@ def _grid(x: Floats, y: Floats, owner: IndexArray, size: float) -> tuple[Mesh, l
         ]
     )
     used, t = np.unique(t, return_inverse=True)
-    points = np.stack([np.repeat(x, len(y)), np.tile(y, len(x))])[:, used]
+    points = np.stack([x.repeat(len(y)), np.tile(y, len(x))])[:, used]
     owners = np.tile(cell[i, j], 2)
     names = [f"rectangle {k}" for k in range(owner.max() + 1)]
     mesh = MeshTri1(points, t.reshape(3, -1)).with_subdomains(
@@ -121,13 +121,14 @@ class ProfileRectangle(ProfileRectangles):
     array([0.8333, 0.8333])
     """
 
-    def __init__(self, a: float, b: float, material: AnyMaterial) -> None:
+    def __init__(self, a: float, b: float, material: AnyMaterial):
         self.item = "rectangle"
         all_positive(self.item, a=a, b=b)
         # two parts along the shorter edge, so that both axes are axes of symmetry of the mesh
-        x, y = (a / 2, b / 2)
+        x = a / 2
+        y = b / 2
         mesh, names = _grid(
-            np.array([-x, 0, x]), np.array([-y, 0, y]), np.zeros((2, 2), dtype=int), min(a, b)
+            np.array([-x, 0, x]), np.array([-y, 0, y]), np.zeros((2, 2), int), min(a, b)
         )
         Profile.__init__(self, mesh, {names[0]: material})
 
@@ -167,7 +168,7 @@ class ProfileI(ProfileRectangles):
         flange: float | tuple[float, float],
         web: float,
         material: AnyMaterial,
-    ) -> None:
+    ):
         self.item = "I"
         (low, high), (t_low, t_high) = _pair("width", width), _pair("flange", flange)
         all_positive(self.item, height=height, web=web)
@@ -218,7 +219,7 @@ class ProfileChannel(ProfileRectangles):
 
     def __init__(
         self, height: float, width: float, flange: float, web: float, material: AnyMaterial
-    ) -> None:
+    ):
         self.item = "channel"
         all_positive(self.item, height=height, width=width, flange=flange, web=web)
         if 2 * flange >= height or web >= width:
@@ -227,7 +228,8 @@ class ProfileChannel(ProfileRectangles):
                 f"flange = {flange!r}, web = {web!r} do not fit into height = {height!r},"
                 f" width = {width!r}",
             )
-        y, x = height / 2, (-web / 2, width - web / 2)
+        y = height / 2
+        x = (-web / 2, width - web / 2)
         super().__init__(
             [
                 (x, (-y, -y + flange), material),
@@ -262,11 +264,12 @@ class ProfileBox(ProfileRectangles):
         height: float,
         thickness: float | tuple[float, float],
         material: AnyMaterial,
-    ) -> None:
+    ):
         self.item = "box"
         all_positive(self.item, width=width, height=height)
         sides, ends = _pair("thickness", thickness)
-        x, y = width / 2, height / 2
+        x = width / 2
+        y = height / 2
         if sides >= x or ends >= y:
             raise InputError(
                 self.item,
@@ -311,7 +314,7 @@ class ProfileRings(Profile):
 
     def __init__(
         self, radii: Sequence[float], materials: Sequence[AnyMaterial], segments: int = 48
-    ) -> None:
+    ):
         r = shaped(self.item, "radii", radii, (max(len(materials), 1) + 1,))
         if r[0] < 0 or (np.diff(r) <= 0).any():
             raise InputError(self.item, f"radii = {r.tolist()}, expected 0 <= first < second ...")
@@ -325,15 +328,16 @@ def _rings(radii: Floats, segments: int) -> tuple[MeshTri2, list[str]]:
     """Curved triangles: a disk of hexagonal pattern if solid, then rings of equal division."""
     points, triangles, owners = [], [], []
     if radii[0] == 0:
-        count = segments // 6
-        p, t = _disk(count)
+        p, t = _disk(segments // 6)
         points.append(radii[1] * p)
         triangles.append(t)
-        owners.append(np.zeros(t.shape[1], dtype=int))
-        first, inner = 1, p.shape[1] - segments
+        owners.append(np.zeros(t.shape[1], int))
+        first = 1
+        inner = p.shape[1] - segments
     else:
         points.append(radii[0] * _circle(segments))
-        first, inner = 0, 0
+        first = 0
+        inner = 0
     number = inner + segments
     for k in range(first, len(radii) - 1):
         length = 2 * np.pi * radii[k + 1] / segments
@@ -341,12 +345,16 @@ def _rings(radii: Floats, segments: int) -> tuple[MeshTri2, list[str]]:
         for r in np.linspace(radii[k], radii[k + 1], parts + 1)[1:]:
             points.append(r * _circle(segments))
             i = np.arange(segments)
-            a, b = inner + i, inner + (i + 1) % segments
-            c, d = number + i, number + (i + 1) % segments
+            a = inner + i
+            b = inner + (i + 1) % segments
+            c = number + i
+            d = number + (i + 1) % segments
             triangles.append(np.hstack([[a, b, d], [a, c, d]]))
             owners.append(np.full(2 * segments, k))
-            inner, number = number, number + segments
-    owner, names = np.concatenate(owners), [f"layer {k}" for k in range(len(radii) - 1)]
+            inner = number
+            number = number + segments
+    owner = np.concatenate(owners)
+    names = [f"layer {k}" for k in range(len(radii) - 1)]
     mesh = MeshTri1(np.hstack(points), np.hstack(triangles)).with_subdomains(
         {name: np.flatnonzero(owner == k) for k, name in enumerate(names)}
     )
@@ -360,7 +368,8 @@ def _circle(count: int) -> Floats:
 
 def _disk(count: int) -> tuple[Floats, IndexArray]:
     """Unit disk of ``count`` rings of 6, 12, 18 ... points around its centre."""
-    points, triangles = [np.zeros((2, 1))], []
+    points = [np.zeros((2, 1))]
+    triangles = []
     start = [0, 1]
     for k in range(1, count + 1):
         points.append(k / count * _circle(6 * k))
@@ -384,8 +393,8 @@ def _polar(mesh: MeshTri1) -> MeshTri2:
     ends = mesh.p[:, mesh.facets]
     r = np.linalg.norm(ends, axis=0)
     unit = np.divide(ends, r, out=np.zeros_like(ends), where=r > 0)
-    direction = unit.sum(axis=1)
-    middle = r.mean(axis=0) * direction / np.linalg.norm(direction, axis=0)
+    direction = unit.sum(1)
+    middle = r.mean(0) * direction / np.linalg.norm(direction, axis=0)
     points = out.doflocs.copy()
     points[:, out.dofs.facet_dofs[0]] = middle
     return replace(out, doflocs=points, _subdomains=mesh.subdomains)
@@ -408,7 +417,7 @@ class ProfileTube(ProfileRings):
     True
     """
 
-    def __init__(self, outer: float, inner: float, material: AnyMaterial) -> None:
+    def __init__(self, outer: float, inner: float, material: AnyMaterial):
         self.item = "tube"
         all_positive(self.item, outer=outer, inner=inner)
         if inner >= outer:
@@ -432,7 +441,7 @@ class ProfileCircle(ProfileRings):
     [0.8507, 0.8507]
     """
 
-    def __init__(self, radius: float, material: AnyMaterial) -> None:
+    def __init__(self, radius: float, material: AnyMaterial):
         self.item = "circle"
         all_positive(self.item, radius=radius)
         super().__init__((0.0, radius), (material,))

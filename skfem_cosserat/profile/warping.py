@@ -48,8 +48,9 @@ class MaterialAnisotropic(Frozen):
     (6, 6)
     """
 
-    def __init__(self, elasticity: ArrayLike, rho: float) -> None:
-        item, name = "material", "elasticity"
+    def __init__(self, elasticity: ArrayLike, rho: float):
+        item = "material"
+        name = "elasticity"
         C = self.elasticity = symmetric(item, name, shaped(item, name, elasticity, (6, 6)))
         lowest, highest = np.linalg.eigvalsh(C)[[0, -1]]
         if lowest <= 1e-12 * highest:
@@ -205,8 +206,7 @@ def _matrices(
             name = "E" if b else "C" if a else "M"
             # u,b v,a where index 0 is the value itself
             form = BilinearForm(lambda u, v, _, a=a, b=b: (u, *u.grad)[b] * (v, *v.grad)[a])
-            scalar = form.assemble(basis)
-            parts[name] = parts[name] + kron(scalar, H[a].T @ D @ H[b], format="csr")
+            parts[name] = parts[name] + kron(form.assemble(basis), H[a].T @ D @ H[b], format="csr")
     return parts["E"].tocsc(), parts["C"].tocsc(), parts["M"].tocsc()
 
 
@@ -229,14 +229,15 @@ def _rigid(basis: Basis) -> Floats:
         (zero, zero, -X_1),
         (-X_2, X_1, zero),
     )
-    return np.stack([np.stack(column, axis=1).ravel() for column in columns], axis=1)
+    return np.stack([np.stack(column, 1).ravel() for column in columns], 1)
 
 
 def _free(basis: Basis) -> IndexArray:
     """Unknowns of the warping when its four rigid motions are held at two vertices."""
     vertices = basis.nodal_dofs[0]
     p = basis.mesh.p[:, : len(vertices)]
-    near, far = vertices[np.argmin(p[0])], vertices[np.argmax(p[0])]
+    near = vertices[np.argmin(p[0])]
+    far = vertices[np.argmax(p[0])]
     return np.delete(np.arange(3 * basis.N), [3 * near, 3 * near + 1, 3 * near + 2, 3 * far + 1])
 
 
@@ -281,7 +282,8 @@ class Warping:
 
     def stresses_at(self, x: Floats) -> Floats:
         """(k, 6 stresses, 6 unit resultants) at points (k, 2) in the section (N/m^2)."""
-        basis, mapping = self.basis, self.basis.mapping
+        basis = self.basis
+        mapping = self.basis.mapping
         known = np.reshape(basis.global_coordinates(), (2, -1)).T
         tind = cKDTree(known).query(x)[1] // basis.dx.shape[1]  # whose quadrature point is nearest
         local = np.full((2, len(x), 1), 1 / 3)
@@ -320,7 +322,8 @@ def solve_warping(mesh: Mesh, order: int, index: IndexArray, elasticities: Float
     intorder = 6 if mesh.affine else 8
     basis = Basis(mesh, element_of(mesh, order), intorder=intorder)
     E, C, M = _matrices(mesh, order, index, elasticities, intorder)
-    z, free = _rigid(basis), _free(basis)
+    z = _rigid(basis)
+    free = _free(basis)
     lu = splu(E[free][:, free], permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
 
     def solved(rhs: Floats) -> Floats:
@@ -338,8 +341,8 @@ def solve_warping(mesh: Mesh, order: int, index: IndexArray, elasticities: Float
     w[:, CLASSICAL] = w[:, CLASSICAL] @ inverse
     # shear: its moment grows, the warping of that bending is the rate w'
     flux = C.T @ w + M @ v
-    rate, source = w @ GROWTH, (flux - C @ w) @ GROWTH
-    shear = solved(source)
+    rate = w @ GROWTH
+    shear = solved((flux - C @ w) @ GROWTH)
     wrong = z.T @ (C.T @ shear + M @ rate)  # resultants that it has besides the unit shear
     w[:, :2] = (shear - w @ wrong)[:, :2]
     v[:, :2] = (rate - v @ wrong)[:, :2]
@@ -358,7 +361,7 @@ INSIDE = 1e-7
 class SectionOfProfile(Section):
     """Section that knows the stresses of its profile's skin."""
 
-    def __init__(self, constants: ProfileConstants, *given: Any, **more: Any) -> None:
+    def __init__(self, constants: ProfileConstants, *given: Any, **more: Any):
         super().__init__(*given, **more)
         self.holes = constants.holes
         self._stresses = constants.skin_stresses(self.skin)
@@ -370,7 +373,8 @@ class SectionOfProfile(Section):
 
 def _turned(angle: float, x: Floats) -> tuple[Floats, Floats]:
     """To turned axes (3, 3), and of six resultants there (6, 6) about the point x (2,)."""
-    c, s = np.cos(angle), np.sin(angle)
+    c = np.cos(angle)
+    s = np.sin(angle)
     R = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
     return R, np.block([[R, np.zeros((3, 3))], [-R @ skew(np.append(x, 0.0)), R]])
 
@@ -502,7 +506,7 @@ class ProfileConstants(Frozen):
         axis = vectors[:, 1]
         if values[1] - values[0] <= 1e-9 * values[1]:
             return values[::-1], 0.0  # every axis is
-        axis = axis * np.sign(axis[np.argmax(abs(axis) > 1e-12)])
+        axis = axis * np.sign(axis[(abs(axis) > 1e-12).argmax()])
         return values[::-1], float(np.arctan2(axis[1], axis[0]))
 
     def moved(self, origin: ArrayLike, angle: float = 0.0) -> ProfileConstants:
@@ -525,9 +529,11 @@ class ProfileConstants(Frozen):
         True
         """
         item = "profile"
-        o, turn = shaped(item, "origin", origin, (2,)), finite(item, "angle", angle)
+        o = shaped(item, "origin", origin, (2,))
+        turn = finite(item, "angle", angle)
         R3, P = _turned(turn, o)
-        R, D = R3[:2, :2], P @ self.stiffness @ P.T
+        R = R3[:2, :2]
+        D = P @ self.stiffness @ P.T
 
         def about(moments: Floats, weight: float, centre: Floats) -> Floats:
             mixed = weight * np.outer(o, centre)
@@ -578,14 +584,14 @@ class ProfileConstants(Frozen):
         """(k, 3, 6) at points of closed polygons, for unit resultants: just inside of these."""
         places = []
         for loop in skin:
-            before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
+            before = loop - np.roll(loop, 1, axis=0)
+            after = np.roll(loop, -1, axis=0) - loop
             along = sum(each / np.linalg.norm(each, axis=1)[:, None] for each in (before, after))
             inward = along @ [[0, 1], [-1, 0]]  # the material is on the left
             places.append(loop + INSIDE * np.sqrt(self.area) * inward)
         R, to = self._axes
         x = np.concatenate(places) @ R[:2, :2] + self.origin
-        own = self.warping.stresses_at(x)[:, [4, 3, 2]]
-        return np.asarray((R @ own @ to)[:, [2, 0, 1]])
+        return (R @ self.warping.stresses_at(x)[:, [4, 3, 2]] @ to)[:, [2, 0, 1]]
 
     def stresses(self, resultants: ArrayLike) -> tuple[Floats, Floats]:
         """Stresses in the material under the six resultants of the beam.
@@ -615,8 +621,7 @@ class ProfileConstants(Frozen):
         """
         given = shaped("profile", "resultants", resultants, (6,))
         R, to = self._axes
-        stress = self.warping.stresses(to @ given).reshape(6, -1)
-        tensor = stress[[[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+        tensor = self.warping.stresses(to @ given).reshape(6, -1)[[[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
         tensor = np.einsum("ia,abk,jb->ijk", R, tensor, R)
         points = np.reshape(self.warping.basis.global_coordinates(), (2, -1))
         turned = tensor[[0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]

@@ -83,7 +83,7 @@ class ConditionFunction(Condition):
         ``function(time, view) -> float``, continuous; see :class:`View`.
     """
 
-    def __init__(self, function: Callable[[float, View], float]) -> None:
+    def __init__(self, function: Callable[[float, View], float]):
         if not callable(function):
             raise InputError("condition", f"{function!r}, expected a Condition or a function")
         self.function = function
@@ -129,7 +129,7 @@ class ConditionTime(OfStates):
 
     monotonic = True
 
-    def __init__(self, time: float) -> None:
+    def __init__(self, time: float):
         self.time = finite("condition", "level", time)
 
     def values(self, states: Window) -> Floats:
@@ -160,9 +160,11 @@ class ConditionCoordinate(OfStates):
 
     def __init__(
         self, joint: Joint | str, level: float, coordinate: str | None = None, rate: bool = False
-    ) -> None:
-        self.joint, self.level = joint, finite("condition", "level", level)
-        self.coordinate, self.rate = coordinate, switch("condition", rate, "rate")
+    ):
+        self.joint = joint
+        self.level = finite("condition", "level", level)
+        self.coordinate = coordinate
+        self.rate = switch("condition", rate, "rate")
 
     def check(self, system: System) -> None:
         """Raise InputError if it cannot be found in this system."""
@@ -193,7 +195,7 @@ class ConditionSensor(OfStates):
         Of a vector; default: its length.
     """
 
-    def __init__(self, sensor: Sensor, level: float, component: int | None = None) -> None:
+    def __init__(self, sensor: Sensor, level: float, component: int | None = None):
         if not isinstance(sensor, Sensor):
             raise InputError("condition", f"sensor = {sensor!r}, expected a sensor")
         self.sensor, self.level, self.component = (
@@ -241,8 +243,9 @@ class ConditionReaction(Condition):
         level: float,
         moment: bool = False,
         component: int | None = None,
-    ) -> None:
-        self.joint, self.level = joint, finite("condition", "level", level)
+    ):
+        self.joint = joint
+        self.level = finite("condition", "level", level)
         self.moment = switch("condition", moment, "moment")
         if component is not None and component not in (0, 1, 2):
             raise InputError("condition", f"component = {component!r}, expected 0, 1, 2 or None")
@@ -269,11 +272,9 @@ class ConditionEnergy(OfStates):
         The kinetic energy alone.
     """
 
-    def __init__(self, level: float, kinetic: bool = False) -> None:
-        self.level, self.kinetic = (
-            finite("condition", "level", level),
-            switch("condition", kinetic, "kinetic"),
-        )
+    def __init__(self, level: float, kinetic: bool = False):
+        self.level = finite("condition", "level", level)
+        self.kinetic = switch("condition", kinetic, "kinetic")
 
     def values(self, states: Window) -> Floats:
         """The numbers (k,) at several states."""
@@ -350,7 +351,7 @@ class Action(Attached, ABC):
 
 
 def _named(value: object) -> str:
-    name = value.name if isinstance(value, Joint | Load) else value
+    name = value.name if isinstance(value, (Joint, Load)) else value
     return name if isinstance(name, str) else brief(name)
 
 
@@ -374,8 +375,8 @@ class _JointAction(Action):
     #: gives the scene with the joint changed, at a configuration and a time
     _changed: Callable[..., System]
 
-    def __init__(self, joint: Joint | str) -> None:
-        if not isinstance(joint, Joint | str):
+    def __init__(self, joint: Joint | str):
+        if not isinstance(joint, (Joint, str)):
             raise InputError("action", f"joint = {joint!r}, expected a joint or its name")
         self.joint = joint
 
@@ -440,11 +441,12 @@ class ActionLoad(Action):
         Of a load whose components are functions of time: a number, by which they are multiplied.
     """
 
-    def __init__(self, load: Load | str, amplitude: Amplitude) -> None:
-        if not isinstance(load, Load | str):
+    def __init__(self, load: Load | str, amplitude: Amplitude):
+        if not isinstance(load, (Load, str)):
             raise InputError("action", f"load = {load!r}, expected a load or its name")
         time_function("action", amplitude)
-        self.load, self.amplitude = load, amplitude
+        self.load = load
+        self.amplitude = amplitude
 
     def check(self, system: System) -> None:
         """Raise InputError if it cannot be found in this system."""
@@ -465,7 +467,7 @@ class ActionFunction(Action):
         on from, both as ``(system, state)``, or None: go on as before.
     """
 
-    def __init__(self, function: Callable[[float, View], object]) -> None:
+    def __init__(self, function: Callable[[float, View], object]):
         if not callable(function):
             raise InputError("action", f"{function!r}, expected an Action or a function")
         self.function = function
@@ -476,10 +478,10 @@ class ActionFunction(Action):
             answer = self.function(view.time, view)
         except Exception as error:
             raise failed("action", "it", error, view.time) from error
-        given = answer if isinstance(answer, tuple) else (answer,)
-        system, state = None, None
-        for each in given:
-            if isinstance(each, Model | System):
+        system = None
+        state = None
+        for each in answer if isinstance(answer, tuple) else (answer,):
+            if isinstance(each, (Model, System)):
                 system = system_of(each)
             elif isinstance(each, State):
                 state = each

@@ -69,7 +69,8 @@ def located(bracket: Bracket, trial: Trial, width: float) -> Block:
     """The step to the first state known to be past a zero, to a width (s)."""
     from scipy.optimize import brentq  # slow to import, seldom needed
 
-    known, passed = dict([bracket.a, bracket.b]), {bracket.b[0]: bracket.best}
+    known = dict([bracket.a, bracket.b])
+    passed = {bracket.b[0]: bracket.best}
 
     def number(size: float) -> float:
         if size not in known:
@@ -196,12 +197,12 @@ class Event(Attached):
         name: str = "event",
         once: bool = True,
         tolerance: float | None = None,
-    ) -> None:
+    ):
         if not isinstance(name, str) or not name:
             raise InputError("event", f"name = {name!r}, expected a non-empty string")
         self.name = name
         self.once = switch(self.label, once, "once")
-        whole = isinstance(direction, int | np.integer) and not isinstance(direction, bool)
+        whole = isinstance(direction, (int, np.integer)) and not isinstance(direction, bool)
         if not whole or direction not in (-1, 0, 1):
             raise InputError(self.label, f"direction = {direction!r}, expected -1, 0 or 1")
         if not isinstance(condition, Condition):
@@ -311,7 +312,7 @@ class Found(NamedTuple):
 class _Trials:
     """Steps of other sizes in place of step k of a block, each of them solved once."""
 
-    def __init__(self, watch: EventMonitor, block: Block, k: int) -> None:
+    def __init__(self, watch: EventMonitor, block: Block, k: int):
         self.watch, self.state, self.step = watch, block.state_after(k - 1), block.part(k, k + 1)
         self.h = float(block.times[k]) - self.state.time
         self._known: dict[float, Block] = {}
@@ -331,7 +332,7 @@ class _Trials:
 class _Motions:
     """Velocities and energies by compiled kernels, where steps take some; made when asked for."""
 
-    def __init__(self, stepper: Stepper) -> None:
+    def __init__(self, stepper: Stepper):
         self._stepper = stepper
 
     def __reduce__(self) -> Any:
@@ -382,8 +383,9 @@ class EventMonitor:
 
     def __init__(
         self, events: list[Event], factory: StepperFactory, stepper: Stepper, state: State
-    ) -> None:
-        self.events, self.factory = list(events), factory
+    ):
+        self.events = list(events)
+        self.factory = factory
         self._times: dict[str, list[float]] = {event.name: [] for event in events}
         #: sign of each event's number, of one that is zero that before it
         self._sides = [0] * len(events)
@@ -400,7 +402,8 @@ class EventMonitor:
         self.events = [each for each in self.events if not (each.once and each.name in done)]
         if self._stepper is not None and self._stepper.system is not stepper.system:
             self._stepper = None
-        self.system, self._motions = stepper.system, _Motions(stepper)
+        self.system = stepper.system
+        self._motions = _Motions(stepper)
         self.view = self.seen(state)
         #: times of the last two states, and the numbers there
         self._last = np.array([state.time])
@@ -410,7 +413,7 @@ class EventMonitor:
         anew = [
             value != done.get(each.name) for each, value in zip(self.events, self._now, strict=True)
         ]
-        self._pass(self._last, self._numbers, np.array(anew, dtype=bool))
+        self._pass(self._last, self._numbers, np.array(anew, bool))
 
     @property
     def _now(self) -> list[float]:
@@ -443,8 +446,7 @@ class EventMonitor:
         """Numbers (2 + k, events) of the last two states and of a block's; None: not together."""
         if len(self._last) < 2 or len(block) == 1:
             return None
-        given = block.times, block.q, block.p, block.turns, self._motions
-        states = Window(self.system, *given)
+        states = Window(self.system, block.times, block.q, block.p, block.turns, self._motions)
         columns = [event.values(states) for event in self.events]
         known = [column for column in columns if column is not None]
         if len(known) < len(columns) or not known:
@@ -454,14 +456,16 @@ class EventMonitor:
     @staticmethod
     def _near(values: Floats) -> IndexArray:
         """Steps in which a number may come near to zero, which are looked at alone."""
-        near, side = NEAR * abs(values).max(axis=0), np.sign(values[2:])
+        near = NEAR * abs(values).max(0)
+        side = np.sign(values[2:])
         before, start, end = side * values[:-2], side * values[1:-1], side * values[2:]
         apart = (start > near) & (end > near) & ~comes_near(before, start, end)
-        return np.flatnonzero(~apart.all(axis=1))
+        return np.flatnonzero(~apart.all(1))
 
     def _pass(self, times: Floats, numbers: Floats, which: Any = True) -> None:
         """Go on behind states at these times, with the signs of some numbers at the last one."""
-        self._last, self._numbers = times[-2:], numbers[-2:]
+        self._last = times[-2:]
+        self._numbers = numbers[-2:]
         signs = np.sign(numbers[-1])
         self._sides = np.where(which & (signs != 0), signs, self._sides).astype(int).tolist()
 
@@ -492,7 +496,8 @@ class EventMonitor:
         """Events that have happened at the end of a step of this size (s), and their numbers."""
         events = []
         for j, (event, bracket) in enumerate(zip(self.events, brackets, strict=True)):
-            value, side = event.value(view), self._sides[j]
+            value = event.value(view)
+            side = self._sides[j]
             if bracket is not None and size > bracket.a[0]:
                 side = bracket.side
             if self._met(j, value, side):
@@ -517,7 +522,8 @@ class EventMonitor:
     def _bracket(self, j: int, trials: _Trials, value: float) -> Bracket | None:
         """Bracket of a zero of a number in the step to this value; None: there is none."""
         event, side, start = self.events[j], self._sides[j], self._now[j]
-        a, b = (0.0, max(start * side, 1e-300)), (trials.h, value * side)
+        a = (0.0, max(start * side, 1e-300))
+        b = (trials.h, value * side)
         if self._met(j, value, side):
             return Bracket(side, a, b, trials.step)
         if not b[1] > 0 or event.condition.monotonic or self._jumps(j, value):
@@ -525,11 +531,11 @@ class EventMonitor:
         trial = trials.of(event, side)
         try:
             if len(self._last) > 1:
-                before, time = float(self._numbers[0, j]), float(self._last[0])
+                before = float(self._numbers[0, j])
+                time = float(self._last[0])
                 if self._jumps(j, before):
                     return None
-                ratio = (trials.state.time - time) / trials.h
-                near = comes_near(side * before, a[1], b[1], ratio)
+                near = comes_near(side * before, a[1], b[1], (trials.state.time - time) / trials.h)
             else:  # the middle stands for the step before
                 middle = trial(trials.h / 2)[0]
                 near = comes_near(a[1], middle, b[1]) or comes_near(b[1], middle, a[1])

@@ -29,7 +29,7 @@ from ..model import System, takes_scene
 from ..model.fingerprint import fingerprint, other_model
 from ..model.limits import broken_constraint
 from ..time_function import Constant
-from ..types import FilePath, Floats, IndexArray, check_kind, numbers, positive
+from ..types import FilePath, Floats, IndexArray, Meta, check_kind, numbers, positive
 from ..warn import Notices, logger, warn
 from .plan import StepControl
 from .sensors import Sensor, SensorBank, checked_sensors
@@ -53,7 +53,8 @@ class Works:
     """
 
     def __init__(self) -> None:
-        self.sums, self.drives = np.zeros(4), 0.0
+        self.sums = np.zeros(4)
+        self.drives = 0.0
 
     def begin(self, stepper: Stepper, state: State, loss: float = 0.0) -> None:
         """Start, or go on with another state or system at the expense of an energy."""
@@ -84,7 +85,7 @@ class Works:
         works = block.works[:, [0, 1, 2, 4]]
         works[:, 0] += _of_strains(block)
         # one after the other, whatever the length of blocks
-        sums = np.cumsum([self.sums, *works], axis=0)[1:]
+        sums = np.cumsum([self.sums, *works], 0)[1:]
         self.sums = sums[-1]
         starts = np.full(len(block), self.drives)
         if self._driven:
@@ -108,8 +109,7 @@ class Works:
         )
         ended = after * _along(forces, np.concatenate([self._change[None], changes[:-1]]))
         # one after the other, whatever the length of blocks
-        parts = np.column_stack([-ended, known]).ravel()
-        sums = np.cumsum([self.drives, *parts])[1:]
+        sums = np.cumsum([self.drives, *np.column_stack([-ended, known]).ravel()])[1:]
         self.drives = float(sums[-1])
         self._h, self._force, self._change, self._q = (
             sizes[-1],
@@ -133,7 +133,8 @@ def _of_strains(block: Block) -> Floats | float:
     The stresses of a step that is no discrete derivative do not belong to the mean of the strains
     at its ends; what a strain without stress takes is by those that it meets.
     """
-    system, scheme = block.system, block.integrator.scheme(1.0)
+    system = block.system
+    scheme = block.integrator.scheme(1.0)
     if not system.loading.strained or scheme is None or scheme.ends:
         return 0.0
     steps = block.single
@@ -146,12 +147,12 @@ def _of_strains(block: Block) -> Floats | float:
         for each in (q[:-1], q[1:], 0.5 * (q[1:] + q[:-1]))
     )
     missed = (middle - 0.5 * (first + last)) * (-2.0 if scheme.at_end else 1.0)
-    return missed.reshape(len(block), -1).sum(axis=1)
+    return missed.reshape(len(block), -1).sum(1)
 
 
 def _along(force: Floats, change: Floats) -> Floats:
     """Work of forces; the sum does not depend, as of BLAS, on where in memory they begin."""
-    return (force * change).sum(axis=-1)
+    return (force * change).sum(-1)
 
 
 # -- which states are recorded, and when a row of the history is complete --------------------------
@@ -188,16 +189,17 @@ class Record:
         sensors: Mapping[str, Sensor] | None,
         varying: bool,
         notices: Notices,
-    ) -> None:
+    ):
         self.system, self.stepper, self.notices = stepper.system, stepper, notices
         self.wanted = wanted
         #: size of the steps now (s)
         self.h = stepper.h
         #: steps may differ in size: it is recorded
         self.varying = varying
-        self.segments, self.events = [Segment(0, self.system)], list[EventRecord]()
+        self.segments = [Segment(0, self.system)]
+        self.events = list[EventRecord]()
         #: metadata of the history beside what is recorded
-        self.more: Callable[[], dict[str, Any]] = dict
+        self.more: Callable[[], Meta] = dict
         meta, static = describe(self.system)
         meta |= {
             "integrator": stepper.integrator.name,
@@ -218,7 +220,8 @@ class Record:
             }
         self.writer = HistoryWriter(meta, static, path)
         self.bank = SensorBank(checked, self.writer)
-        self.works, self.iterations = Works(), 0
+        self.works = Works()
+        self.iterations = 0
         self._complete: History | None = None
         self._status = "failed"
         self._finished: Mapping[str, Any] = {}
@@ -230,9 +233,11 @@ class Record:
 
     def _begin(self, state: State, loss: float = 0.0) -> None:
         """Start with a state that no step led to, which is recorded."""
-        system, integrator = self.system, self.stepper.integrator
+        system = self.system
+        integrator = self.stepper.integrator
         self.works.begin(self.stepper, state, loss)
-        self._start, self._at_end = state, integrator.constraint_weight == 1
+        self._start = state
+        self._at_end = integrator.constraint_weight == 1
         #: the first and the last three steps since then
         self._early: list[StepReport] = []
         self._late: list[StepReport] = []
@@ -337,7 +342,8 @@ class Record:
 
     def _write(self) -> None:
         """Write rows that wait; the force of the start is known by now."""
-        rows, self._waiting = joined(self._waiting), []
+        rows = joined(self._waiting)
+        self._waiting = []
         if rows["step"][0] == self._start.index:
             rows["constraint_force"][0] = self._start_force()
         wanted = rows["wanted"]
@@ -357,7 +363,8 @@ class Record:
 
     def _finish(self) -> None:
         """Complete the row of the present state, which no step follows, and write all."""
-        row, state = self._state, self._end
+        row = self._state
+        state = self._end
         if row is self._finished:  # and could not be written
             return
         self._finished = row
@@ -424,7 +431,7 @@ class Record:
         """Write events and warnings so far into the file at once."""
         self.writer.note(**self._happened(), warnings=self.notices.kept())
 
-    def _happened(self) -> dict[str, Any]:
+    def _happened(self) -> Meta:
         """Events so far, and the systems that rows belong to, as meta data."""
         meta = {}
         if self.varying:
@@ -575,7 +582,8 @@ def restart(
         raise HistoryError("history", f"belongs to another model: {difference}")
     row = history.last()
     # the end of a path of static(): loads and motions go on from its load factor
-    t, index = float(history.instants[-1]), int(row["step"])
+    t = float(history.instants[-1])
+    index = int(row["step"])
     y = system.extend(np.array(row["q"]), t)
     wrong = broken_constraint(system, y, 1e-6)
     if wrong:
@@ -600,8 +608,8 @@ def restart(
         if any(np.isnan(each).any() for each in carried.values()):
             carried = {}
         origin = None if np.isnan(size) else StepOrigin(integrator.name, size)
-        p, fresh = np.array(row["carried"]), bool(row["fresh"])
-        return State(t, index, q, p, fresh, turns, carried, origin)
+        p = np.array(row["carried"])
+        return State(t, index, q, p, bool(row["fresh"]), turns, carried, origin)
     p = np.array(row["p"])
     if not np.isfinite(p).all():
         p = np.array(row["carried"])

@@ -65,9 +65,10 @@ class Window:
         turns: IndexArray | None = None,
         motions: Motions | None = None,
         force: Floats | None = None,
-    ) -> None:
+    ):
         self.system, self.t, self.turns, self.force = system, t, turns, force
-        self.q, self.p = q.view(), p.view()
+        self.q = q.view()
+        self.p = p.view()
         for states in (self.q, self.p):  # an own sensor may try to write there
             states.flags.writeable = False
         self._motions = motions
@@ -160,8 +161,7 @@ class Window:
     def _multipliers(self) -> Floats:
         if self.force is not None:
             return multipliers(self.system, self.y, self.force)
-        given = self.system, self.q, self.v, self.t, self.turns
-        return diagnostics.accelerations(*given)[1]
+        return diagnostics.accelerations(self.system, self.q, self.v, self.t, self.turns)[1]
 
     def sensor(self, sensor: Sensor) -> Floats:
         """Values (k, ...) of a sensor, each at a state alone."""
@@ -172,7 +172,7 @@ class Window:
             return sensor.values(self.system, self)
         # rates by central differences along the motion
         t, q, v = self.t, self.q, self.v
-        speed = abs(v).max(axis=1, initial=0.0)
+        speed = abs(v).max(1, initial=0.0)
         s = np.divide(1e-5 * self.system.length, speed, out=np.full(len(t), 1e-5), where=speed > 0)
         ends = np.concatenate([t + np.where(t > s, -s, 0.0), t + np.where(t > s, s, 2 * s)])
         moved = np.tile(q, (2, 1)) + (ends - np.tile(t, 2))[:, None] * np.tile(v, (2, 1))
@@ -213,7 +213,7 @@ class View:
     9.0
     """
 
-    def __init__(self, system: Model | System, state: State) -> None:
+    def __init__(self, system: Model | System, state: State):
         system = system_of(system)
         check_kind("argument state", state, State, ", see initial_state")
         if np.shape(state.q) != (system.n,):
@@ -375,7 +375,8 @@ class _AlongBeam(Sensor):
         if length.shape != ():
             raise InputError("sensor", f"s has shape {length.shape}, expected a number")
         beam.along(length[None], part)
-        self.s, self.part = float(length), part
+        self.s = float(length)
+        self.part = part
 
     def _section(self, beam: Beam) -> SectionPlaces:
         """The point on a beam, which may be another one in a copy."""
@@ -428,7 +429,7 @@ class SensorPosition(_AlongBeam):
         s: float | None = None,
         part: str | None = None,
         frame: Place | None = None,
-    ) -> None:
+    ):
         if is_beam(where):
             self._set_point(where, s, part)
         elif not isinstance(where, Place):
@@ -437,7 +438,8 @@ class SensorPosition(_AlongBeam):
             raise InputError("sensor", f"s = {s!r} is for beams, not for the {where.label}")
         if frame is not None and (not isinstance(frame, Place) or frame.triad is None):
             raise InputError("sensor", f"frame = {frame!r}, expected the place of a frame")
-        self.where, self.frame = where, frame
+        self.where = where
+        self.frame = frame
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """Copy for other items; a body that stands for a beam has the point where it was."""
@@ -514,7 +516,7 @@ class SensorStrain(_AlongBeam):
 
     unit = "-, 1/m"
 
-    def __init__(self, beam: Beam, s: float, part: str | None = None) -> None:
+    def __init__(self, beam: Beam, s: float, part: str | None = None):
         if not is_beam(beam):
             raise InputError("sensor", f"beam = {beam!r}, expected a Beam")
         self._set_point(beam, s, part)
@@ -574,7 +576,7 @@ class SensorReaction(Sensor):
     unit = "N, N m"
     forces = True
 
-    def __init__(self, joint: Joint) -> None:
+    def __init__(self, joint: Joint):
         if not isinstance(joint, Joint):
             raise InputError("sensor", f"joint = {joint!r}, expected a joint")
         self.joint = joint
@@ -585,7 +587,7 @@ class SensorReaction(Sensor):
 
     def values(self, system: System, window: Window) -> Floats:
         """Values (k, ...) at the window's states."""
-        return np.concatenate(window.reaction(self.joint), axis=1)
+        return np.concatenate(window.reaction(self.joint), 1)
 
 
 class SensorQuantity(Sensor):
@@ -604,12 +606,11 @@ class SensorQuantity(Sensor):
         the run, later on during it (what the last states give wrong is a warning).
     """
 
-    def __init__(
-        self, function: Callable[[System, Floats, Floats], ArrayLike], unit: str = ""
-    ) -> None:
+    def __init__(self, function: Callable[[System, Floats, Floats], ArrayLike], unit: str = ""):
         if not callable(function):
             raise InputError("sensor", f"function = {function!r} is not callable")
-        self.function, self.unit = function, unit
+        self.function = function
+        self.unit = unit
 
     @property
     def _of_the_user(self) -> bool:
@@ -647,8 +648,9 @@ class SensorBank:
         If a name is empty or has a slash, something is no sensor, or its item is not in the system.
     """
 
-    def __init__(self, sensors: Mapping[str, Sensor], writer: HistoryWriter) -> None:
-        self.sensors, self.writer = sensors, writer
+    def __init__(self, sensors: Mapping[str, Sensor], writer: HistoryWriter):
+        self.sensors = sensors
+        self.writer = writer
         self._shapes: dict[str, Floats] = {}
         self._last = np.nan
 
@@ -656,11 +658,13 @@ class SensorBank:
         """Look at states of a run, whose rows are complete; a sensor may raise."""
         if not self.sensors:
             return
-        t, states = rows["t"], (rows["q"], rows["carried"], rows.get("turns"))
+        t = rows["t"]
+        states = (rows["q"], rows["carried"], rows.get("turns"))
         window = Window(system, t, *states, force=rows["constraint_force"])
         # a state after an event is where that before it is
         apart = np.diff(t, prepend=self._last) != 0
-        self._last, arrays = t[-1], {}
+        self._last = t[-1]
+        arrays = {}
         for name, sensor in self.sensors.items():
             some = slice(None) if sensor.forces else apart
             arrays[f"{name}/t"] = t[some]
@@ -686,7 +690,8 @@ class SensorBank:
 
 def seen(name: str, sensor: Sensor, window: Window) -> Floats:
     """Values of a sensor in a window: real numbers, for each of its instants."""
-    item, times = f"sensor {name!r}", window.t
+    item = f"sensor {name!r}"
+    times = window.t
     try:
         values = numbers(item, "values", sensor.values(window.system, window))
     except InputError:

@@ -30,7 +30,7 @@ CODES = {"regular": 0, "limit": 1, "bifurcation": 2}
 SAME = 1e-6
 
 
-@dataclass(frozen=True, eq=False, repr=False)
+@dataclass(frozen=True, eq=False)
 class Branch:
     """Start of a branch: the argument ``start`` of :func:`static`, with ArcLength().
 
@@ -183,7 +183,8 @@ def equilibrium(
     system = system_of(model, "argument model")
     _check_path(system, history)
     numbered("argument index", index, len(history), "points on the path")
-    time, point = finite("argument time", "time", time), _point(system, history, index)
+    time = finite("argument time", "time", time)
+    point = _point(system, history, index)
     _check_instant(system, history, index, point, time)
     q = point.y[: system.rows].reshape(-1)
     p = np.zeros(system.n)
@@ -262,7 +263,8 @@ def _check_path(system: System, history: History) -> None:
 
 
 def _point(system: System, history: History, k: int) -> Point:
-    t, time = float(history["load_factor"][k]), float(history.instants[k])
+    t = float(history["load_factor"][k])
+    time = float(history.instants[k])
     turns = np.array(history["turns"][k]) if "turns" in history else None
     return Point(system.extend(np.array(history["q"][k]), time), t, turns)
 

@@ -42,7 +42,7 @@ def size_of(system: System, motion: Floats) -> float:
     return float(np.sqrt((weights(system) * np.square(motion)).sum()))
 
 
-@dataclass(eq=False, repr=False)
+@dataclass(eq=False)
 class Point:
     """An equilibrium on a path.
 
@@ -220,7 +220,7 @@ class _Steered(Control):
         first: float,
         longest: float,
         turn: float | None,
-    ) -> None:
+    ):
         item = type(self).__name__
         if steps is not None:
             _whole(item, "steps", steps)
@@ -232,15 +232,17 @@ class _Steered(Control):
         self.until = finite(item, "until", until) if at is None else None
         self.longest = positive(item, "longest", longest)
         self.first = min(positive(item, "first", first), self.longest)
-        self.steps, self.turn = steps, _turned(item, turn)
+        self.steps = steps
+        self.turn = _turned(item, turn)
         self.all_points = steps is None and at is None
 
 
 class _SteeredStage(Stage):
     """Steps of a parameter: of what has this gradient (rows, 3), or of the load factor."""
 
-    def __init__(self, control: _Steered, start: float, gradient: Floats | None = None) -> None:
-        self._gradient, self.parameter = gradient, start
+    def __init__(self, control: _Steered, start: float, gradient: Floats | None = None):
+        self._gradient = gradient
+        self.parameter = start
         self.stops = self._ends(control, start)
         way = self.stops[-1] - start
         self.fixed = control.steps is not None
@@ -313,7 +315,7 @@ class LoadControl(_Steered):
         first: float = 0.1,
         longest: float = 0.25,
         turn: float | None = 1.0,
-    ) -> None:
+    ):
         until = 1.0 if until is None and at is None else until
         super().__init__(until, steps, at, first, longest, turn)
 
@@ -361,7 +363,7 @@ class DisplacementControl(_Steered):
         first: float = 0.1,
         longest: float = 0.25,
         turn: float | None = 1.0,
-    ) -> None:
+    ):
         item = type(self).__name__
         if not isinstance(place, Place) or place.item is None:
             raise InputError(item, f"place = {place!r}, expected the place of an item")
@@ -369,7 +371,8 @@ class DisplacementControl(_Steered):
         if not np.linalg.norm(n) > 0:
             raise InputError(item, f"direction = {direction!r} has no length")
         super().__init__(until, steps, at, first, longest, turn)
-        self.place, self.direction = place, n / np.linalg.norm(n)
+        self.place = place
+        self.direction = n / np.linalg.norm(n)
 
     def stage(self, system: System, point: Point) -> Stage:
         """Start at a point, with steps of the displacement of the place."""
@@ -401,7 +404,7 @@ class _ArcStage(Stage):
     Steps of a path without a direction are of the load factor until something moves.
     """
 
-    def __init__(self, system: System, control: ArcLength, direction: Floats | None) -> None:
+    def __init__(self, system: System, control: ArcLength, direction: Floats | None):
         self._system, self._control, self._secant = system, control, direction
         self.parameter, self.stops, self._count = 0.0, [], 0
         self._branches, self._crossed, self._regular = direction is not None, False, False
@@ -497,7 +500,7 @@ class ArcLength(Control):
         length: float = 0.01,
         longest: float = 0.2,
         turn: float | None = 0.5,
-    ) -> None:
+    ):
         item = "ArcLength"
         self.until = None if until is None else finite(item, "until", until)
         self.turn = _turned(item, turn)

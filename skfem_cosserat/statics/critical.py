@@ -98,8 +98,8 @@ class Stability:
         """Unstable motions without neutral ones, whose sign is an accident of rounding."""
         if not (self.symmetric and self.unstable and self.neutral):
             return self.unstable
-        K, metric = self.tangent.K, self.tangent.metric
-        return negative_pivots(0.5 * (K + K.T) + 2 * self.floor * metric)[0]
+        K = self.tangent.K
+        return negative_pivots(0.5 * (K + K.T) + 2 * self.floor * self.tangent.metric)[0]
 
     def neutral_motions(self, system: System, beside: Floats | None = None) -> Neutral:
         """Motions that nothing holds, normal to the one (rows, 3) that a branch sets off along.
@@ -133,8 +133,7 @@ class Stability:
     def crossed(self, later: Stability) -> bool:
         """True if an eigenvalue has changed its sign between two points of a path."""
         change = later.unstable - self.unstable
-        both = self.symmetric and later.symmetric
-        if not (change if both else change % 2):
+        if not (change if self.symmetric and later.symmetric else change % 2):
             return False
         return not (self.neutral and later.neutral)
 
@@ -144,7 +143,8 @@ class Stability:
         return np.real(values), np.real(modes)
 
     def _eigen(self, count: int) -> tuple[Array, Array]:
-        K, metric = self.tangent.K, self.tangent.metric
+        K = self.tangent.K
+        metric = self.tangent.metric
         if self.symmetric:
             K = 0.5 * (K + K.T)
         n = K.shape[0]
@@ -242,11 +242,15 @@ class Critical:
 class _Between:
     """Points between two of a path, by their share s of the secant."""
 
-    def __init__(self, solver: PathSolver, first: Stability, last: Stability) -> None:
-        self.system, self.solver = solver.system, solver
-        self.first, self.last = first, last
-        start, end = first.point, last.point
-        dy, dt = (end.y - start.y)[: self.system.rows], end.t - start.t
+    def __init__(self, solver: PathSolver, first: Stability, last: Stability):
+        self.system = solver.system
+        self.solver = solver
+        self.first = first
+        self.last = last
+        start = first.point
+        end = last.point
+        dy = (end.y - start.y)[: self.system.rows]
+        dt = end.t - start.t
         W = weights(self.system)
         share = LEADING / max(abs(start.t), abs(end.t)) ** 2
         self._secant = W * dy, share * dt, float((W * dy**2).sum()) + share * dt**2
@@ -319,14 +323,17 @@ def locate(solver: PathSolver, first: Stability, last: Stability) -> Critical | 
         return None
     from scipy.optimize import brentq  # slow to import, seldom needed
 
-    between, lost = _Between(solver, first, last), False
+    between = _Between(solver, first, last)
+    lost = False
     try:
         s = float(brentq(between.value, 0.0, 1.0, xtol=ROOT, rtol=ROOT))
     except _LostError as error:
-        s, lost = error.s, True
+        s = error.s
+        lost = True
     for closer in CLOSER:
         samples, values = between.around(s, closer)
-        shares, root = np.array([*samples]), np.inf
+        shares = np.array([*samples])
+        root = np.inf
         before = int((shares < s).sum())
         if min(before, len(shares) - before) >= 2:
             scaled = _polynomial(shares, values / abs(values).max(), s)
@@ -336,7 +343,8 @@ def locate(solver: PathSolver, first: Stability, last: Stability) -> Critical | 
             if found is not None:
                 return found
         if abs(root) <= AROUND[-1]:
-            s, lost = s + root, True
+            s = s + root
+            lost = True
     return None
 
 
@@ -360,10 +368,12 @@ def _classified(
     A limit point is where the load factor is level: that has no rounding of the stiffest parts,
     as eigenvalues have.
     """
-    shares, schedule = np.array([*samples]), between.solver.schedule
+    shares = np.array([*samples])
+    schedule = between.solver.schedule
     each, forces = zip(*samples.values(), strict=True)
     before, after = (each[int((shares < s).sum()) + k] for k in (-1, 0))
-    times, width = np.array([stability.point.t for stability in each]), float(np.ptp(shares))
+    times = np.array([stability.point.t for stability in each])
+    width = float(np.ptp(shares))
     slopes = np.polyder(_polynomial(shares, times - times.mean(), s)) / width
     middle = 0.5 * (before.point.t + after.point.t)
     scale = max(abs(middle - between.first.point.t), abs(between.last.point.t - middle))
@@ -399,6 +409,6 @@ def locate_all(solver: PathSolver, first: Stability, last: Stability) -> list[Cr
 class _LostError(Exception):
     """Newton's method did not find a point between two others, at the share s."""
 
-    def __init__(self, s: float) -> None:
+    def __init__(self, s: float):
         self.s = s
         super().__init__(f"no point at {s:.6g} of the step")

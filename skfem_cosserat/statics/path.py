@@ -34,7 +34,7 @@ from ..model.balance import Spin
 from ..model.limits import broken_constraint, limp, overstretched
 from ..newton import NewtonReport, NewtonSettings
 from ..time_function import Amplitude, Constant
-from ..types import FilePath, Floats, check_kind, file_path, finite, switch
+from ..types import FilePath, Floats, Meta, check_kind, file_path, finite, switch
 from ..warn import CLOCK_OF_PATHS, Notices, logger, warn
 from .branch import CODES, Branch, branch_stage
 from .control import (
@@ -72,14 +72,15 @@ def first_point(
         return start.point, start.direction
     q, turns, t, item = system.q0, None, 0.0, "argument start"
     if start is not None:
-        q, turns = checked_start(system, start).q, start.turns
+        q = checked_start(system, start).q
+        turns = start.turns
         time = finite(item, "time", start.time)
         if held is not None and time != held:
-            text = (
+            raise InputError(
+                item,
                 f"its time is {time!r} s, that of the path time = {held!r} s: expected the same"
-                " instant, see initial_state(time=...) and equilibrium(time=...)"
+                " instant, see initial_state(time=...) and equilibrium(time=...)",
             )
-            raise InputError(item, text)
         t = time if held is None else 0.0
         if start.load_factor is not None:
             t = finite(item, "load_factor", start.load_factor)
@@ -101,7 +102,7 @@ def first_point(
 def check_growth(schedule: Schedule, control: Control) -> None:
     """Raise InputError if nothing is left that a control by displacements could let grow."""
     held = schedule.time is not None and not schedule.grows
-    if held and isinstance(control, ArcLength | DisplacementControl):
+    if held and isinstance(control, (ArcLength, DisplacementControl)):
         raise InputError(
             "argument time",
             f"{schedule.time!r} s holds all there is, nothing grows with the load factor: give"
@@ -139,10 +140,9 @@ def prescribed_turn(system: System, t0: float, t1: float) -> float:
 class PathRecorder:
     """Writes the points of a path."""
 
-    def __init__(
-        self, solver: PathSolver, meta: dict[str, Any], path: FilePath | None, notices: Notices
-    ) -> None:
-        self.solver, system = solver, solver.system
+    def __init__(self, solver: PathSolver, meta: Meta, path: FilePath | None, notices: Notices):
+        self.solver = solver
+        system = solver.system
         described, static = describe(system)
         described |= {"integrator": "static", "step": 0.0, "time": solver.schedule.time, **meta}
         #: of each factor whose it is, and whether it is a function of time
@@ -157,7 +157,7 @@ class PathRecorder:
         self.notices = notices
         self.count = 0
         self._work = 0.0
-        self._spent = np.zeros(2, dtype=np.int64)
+        self._spent = np.zeros(2, np.int64)
         self._before: tuple[Floats, Floats] | None = None
 
     def take(
@@ -174,11 +174,13 @@ class PathRecorder:
 
         Not with `later` ones, which are of the next point.
         """
-        solver, system = self.solver, self.solver.system
+        solver = self.solver
+        system = self.solver.system
         effort = np.array([solver.iterations, solver.attempts]) - self._spent - later
         self._spent += effort
         q = point.y[: system.rows].reshape(-1)
-        amplitudes, zero = solver.schedule.at(point.t), np.zeros(system.n)
+        amplitudes = solver.schedule.at(point.t)
+        zero = np.zeros(system.n)
         loads = load_force(system, point.y, amplitudes).reshape(-1)
         if self._before is not None:  # work by the trapezoidal rule between the points
             q0, before = self._before
@@ -192,7 +194,7 @@ class PathRecorder:
             "p": zero,
             "carried": zero,
             "fresh": 1.0,
-            "constraint_force": np.asarray(force, dtype=float),
+            "constraint_force": np.asarray(force, float),
             "load_factor": float(point.t),
             "unstable": -1 if stability is None else stability.unstable,
             "critical": CODES[kind],
@@ -300,7 +302,8 @@ class Continuation:
         interrupt: Interrupt,
     ) -> tuple[str, Diverged | None]:
         """Follow the path; gives the status it ended with."""
-        self.recorder, self.point = recorder, first
+        self.recorder = recorder
+        self.point = first
         try:
             point = self._started(first) if direction is None else first
             held = not self.solver.schedule.moving
@@ -317,7 +320,7 @@ class Continuation:
                 answers = [callback(point) for callback in callbacks]  # all are called
                 if interrupt.asked:
                     return "interrupted", None
-                if any(isinstance(answer, bool | np.bool_) and answer for answer in answers):
+                if any(isinstance(answer, (bool, np.bool_)) and answer for answer in answers):
                     return "stopped", None
         except KeyboardInterrupt:
             return "interrupted", None
@@ -330,7 +333,8 @@ class Continuation:
     def _started(self, first: Point) -> Point:
         """The equilibrium near a start, in which no motion is free."""
         solver, point, where = self.solver, first, "at the start"
-        report, loose = None, self._loose(first)
+        report = None
+        loose = self._loose(first)
         if not solver.balanced(first):
             solution = None
             if loose is None:
@@ -338,7 +342,8 @@ class Continuation:
             if solution is None:
                 solution, report = solver.relaxed(first, Functional())
             if solution is not None:
-                report, point = None, solution.point
+                report = None
+                point = solution.point
                 where = "in the equilibrium to which the loads of the start lead"
                 loose = self._loose(point)
         if loose is not None:
@@ -391,7 +396,8 @@ class Continuation:
 
     def _advance(self, point: Point, stage: Stage) -> tuple[bool, Point]:
         """Whether the next point is one that was asked for, and that point."""
-        limit, losses = self.limit, 0
+        limit = self.limit
+        losses = 0
         residuals: list[list[float]] = []
         while True:
             length = self._prescribed(point, stage.trial())
@@ -445,7 +451,8 @@ class Continuation:
             report = other
         if solution is None:
             return None, report
-        turn, jumps = rotation(self.system, point.y, solution.point.y), self._jumps(point, solution)
+        turn = rotation(self.system, point.y, solution.point.y)
+        jumps = self._jumps(point, solution)
         return _Step(point, solution, functional, length, turn, jumps, relaxed), report
 
     def _solve(self, point: Point, functional: Functional) -> tuple[Solution | None, NewtonReport]:
@@ -454,7 +461,8 @@ class Continuation:
         The first solve leaves these alone. Else each step would move along them by rounding over
         rounding, and how far, or whether its iteration shows it, is luck.
         """
-        solver, neutral = self.solver, self.solver.neutral
+        solver = self.solver
+        neutral = self.solver.neutral
         solution, report = solver.solve(point, functional)
         if solution is None and neutral.motions:
             solver.neutral = Neutral()
@@ -464,7 +472,8 @@ class Continuation:
 
     def _look(self, step: _Step) -> None:
         """Look at the stability of a step's end, and for critical points on the way to it."""
-        point, before = step.solution.point, self._stability
+        point = step.solution.point
+        before = self._stability
         if not self.watch or step.relaxed:
             return  # what is critical there is looked for in the next step
         step.end = stability = self._inspected(point)
@@ -510,8 +519,8 @@ class Continuation:
             entry = {"kind": found.kind, "load_factor": point.t, "state": self.recorder.count}
             self.critical.append({**entry, "multiplicity": found.multiplicity})
             logger.info("%s point at load factor %.9g", found.kind, point.t)
-            force, kind = found.constraint_force, found.kind
-            self.recorder.take(point, at, force, 0.0, found.stability, kind, own)
+            force = found.constraint_force
+            self.recorder.take(point, at, force, 0.0, found.stability, found.kind, own)
             loaded = isinstance(self.control, LoadControl) and self.limit is not None
             if found.kind == "limit" and loaded:
                 reason = (
@@ -526,7 +535,8 @@ class Continuation:
         rows = self.system.rows
         self._rate = (solution.point.y[:rows] - start.y[:rows]) / step.length
         if asked or self.control.all_points:
-            force, residual = solution.constraint_force, solution.report.residual
+            force = solution.constraint_force
+            residual = solution.report.residual
             self.recorder.take(solution.point, stage.parameter, force, residual, self._stability)
         stage.adapt(solution.report.iterations, step.length)
         return asked
@@ -537,8 +547,10 @@ class Continuation:
 
     def _jumps(self, point: Point, solution: Solution) -> bool:
         """True if a point is much farther away than the tangents lead: on another branch."""
-        change, motion = solution.point.t - point.t, self._moved(point, solution)
-        first, last = self._first, self._stability
+        change = solution.point.t - point.t
+        motion = self._moved(point, solution)
+        first = self._first
+        last = self._stability
         if first is not None and last is not None and last.pivot <= CRITICAL * first.pivot:
             # tangents of a limit point lead anywhere, what goes on from there moves less at once
             near, _ = self._solve(point, Functional(value=SHORT * change))
@@ -568,7 +580,8 @@ class Continuation:
 
     def _warn_of_step(self, step: _Step) -> None:
         """Say what is doubtful about a step."""
-        start, end = step.start.t, step.solution.point.t
+        start = step.start.t
+        end = step.solution.point.t
         between = f"between the load factors {start:.6g} and {end:.6g}"
         limits = [each for each in step.critical if each.kind == "limit"]
         doubts = (
@@ -602,7 +615,8 @@ class Continuation:
 
     def _limp(self) -> bool:
         """True if the stiffness of some motion is nearly lost."""
-        first, last = self._first, self._stability
+        first = self._first
+        last = self._stability
         if first is None or last is None or not (first.symmetric and last.symmetric):
             return False
         return first.smallest > first.floor and last.smallest <= LIMP * first.smallest
@@ -615,25 +629,29 @@ class Continuation:
         residuals: list[list[float]] | None = None,
     ) -> Diverged:
         """Why the path ends, and what to do."""
-        found, advice = report.reason, "try shorter steps, then a finer mesh"
+        found = report.reason
+        advice = "try shorter steps, then a finer mesh"
         y = self.solver.ended.y
         forces = self.system.couplings.forces(y, np.zeros_like(y)) if np.isfinite(y).all() else []
         slack = [item.label for item, _, force in forces if item.slack and not force.any()]
         if drawn := overstretched(self.system, point.y, self.solver.schedule.at(point.t).loads):
-            found, advice = f"{drawn}. Newton's method: {found}", "refine the mesh there"
+            found = f"{drawn}. Newton's method: {found}"
+            advice = "refine the mesh there"
         elif not self.recorder.count:
             advice = "start nearer to an equilibrium"
         elif slack:
             found += f"; the {slack[0]} is slack where that ended"
             advice = "hold by something else what it held"
         elif isinstance(self.control, DisplacementControl) and UNMOVED in found:
-            place, way = self.control.place.label, self.control.direction.round(6).tolist()
+            place = self.control.place.label
+            way = self.control.direction.round(6).tolist()
             advice = f"the loads do not move {place} along {way}: choose what they move"
         elif isinstance(self.control, LoadControl):
             advice = f"{BEYOND}; else try a finer mesh"
             with suppress(ArithmeticError, ValueError, RuntimeError):
                 if self._limp():
-                    found, advice = f"a limit point is near. Newton's method: {found}", BEYOND
+                    found = f"a limit point is near. Newton's method: {found}"
+                    advice = BEYOND
         soft = {limp(beam): None for beam in filter(is_beam, self.system.structures)}
         return Diverged(
             point.t,
@@ -771,10 +789,9 @@ def static(
         check_kind("argument control", control, Control)
         check_kind("argument settings", settings, NewtonSettings)
         if path is not None:
-            file_path("argument path", path)
-        if not isinstance(callbacks, Sequence) or not all(callable(c) for c in callbacks):
-            text = f"{callbacks!r}, expected a list of functions"
-            raise InputError("argument callbacks", text)
+            file_path(path)
+        if not isinstance(callbacks, Sequence) or not all(map(callable, callbacks)):
+            raise InputError("argument callbacks", f"{callbacks!r}, expected a list of functions")
         derive = checked_asked(derive, system, path_formulas)
         schedule = Schedule(system, factors, spin, time)
         check_growth(schedule, control)
@@ -784,7 +801,7 @@ def static(
         points = PathSolver(system, treatment, schedule, settings, choice, solver)
         continuation = Continuation(system, points, control, watch and system.unknowns > 0)
         show = Progress(progress, "parameter {:.6g}, load factor {:.6g}".format)
-        about: dict[str, Any] = {"treatment": treatment.name, "parameter": control.parameter}
+        about: Meta = {"treatment": treatment.name, "parameter": control.parameter}
         about |= {"solver": points.method, "unknowns": points.bound.unknowns}
         about |= {"kernels": points.choice.name, "kernels_why": points.choice.why}
         recorder = PathRecorder(points, about, path, notices)

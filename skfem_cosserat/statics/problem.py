@@ -93,17 +93,19 @@ class Schedule:
         factors: Mapping[str, Amplitude] | None = None,
         spin: Spin | None = None,
         time: float | None = None,
-    ) -> None:
+    ):
         check_kind("argument factors", {} if factors is None else factors, Mapping)
         if spin is not None:
             check_kind("argument spin", spin, Spin)
             if system.plane is not None:
                 system.plane.check_spin(spin.velocity)
-        self.system, self.spin = system, spin
+        self.system = system
+        self.spin = spin
         self.time = None if time is None else finite("argument time", "its value", time)
         self.moving = bool(system.moving) and time is None
         given = dict(factors or {})
-        loading, couplings = system.loading, system.couplings
+        loading = system.loading
+        couplings = system.couplings
         owners = [*loading.owners, *couplings.owners]
         known = {str(owner.name) for owner in owners} | ({"spin"} if spin is not None else set())
         for name, factor in given.items():
@@ -149,7 +151,8 @@ class Schedule:
     def at(self, t: float) -> Amplitudes:
         """Amplitudes at load factor t."""
         if self._known is None or self._known[0] != t:
-            now, spin = self.instant(t), self.spin
+            now = self.instant(t)
+            spin = self.spin
             loads, actuators, turning = (
                 [
                     _value(time, now, owner) * (t if factor is None else _value(factor, t, owner))
@@ -242,9 +245,11 @@ class Problem:
         settings: NewtonSettings,
         start: Point,
         target: Functional,
-    ) -> None:
-        self.equations, self.settings = equations, settings
-        self.start, self.target = start, target
+    ):
+        self.equations = equations
+        self.settings = settings
+        self.start = start
+        self.target = target
         self.t = start.t
         equations.begin(start)
         self.predicted: Array | None = None
@@ -254,7 +259,8 @@ class Problem:
 
     def residual(self) -> float:
         """Evaluate, see :class:`skfem_cosserat.newton.NewtonProblem`."""
-        target, t = self.target, self.t
+        target = self.target
+        t = self.t
         self._rates = None
         # what is missing from a load factor that is given and reached is rounding
         if (
@@ -278,17 +284,20 @@ class Problem:
 
     def direction(self) -> Floats:
         """Newton increment; the target is a row below the matrix."""
-        gradient, equations = self.target.gradient, self.equations
+        gradient = self.target.gradient
+        equations = self.equations
         if self._rates is None:
             return np.append(equations.solve([equations.residual]), 0.0)
         r_t, by_t = self._rates
         both = equations.solve([equations.residual, r_t])
         along = self.target(self.start, equations.y, self.t)
-        slope, terms = self.target.by_factor, 0.0
+        slope = self.target.by_factor
+        terms = 0.0
         if gradient is not None:
             along += float((gradient * equations.displacement(both[:, 0])).sum())
             rates = gradient * (equations.displacement(both[:, 1]) + by_t)
-            slope, terms = slope + float(rates.sum()), float(abs(rates).sum())
+            slope = slope + float(rates.sum())
+            terms = float(abs(rates).sum())
         if abs(slope) <= STANDS * terms:
             raise SingularMatrixError(UNMOVED)
         dt = -along / slope
@@ -345,9 +354,10 @@ class PlainEquations:
         Forces left out of the balance.
     """
 
-    def __init__(self, bound: BoundTreatment, schedule: Schedule) -> None:
+    def __init__(self, bound: BoundTreatment, schedule: Schedule):
         self.bound, self.schedule, self.system = bound, schedule, bound.system
-        self.neutral, self.hold = Neutral(), 0.0
+        self.neutral = Neutral()
+        self.hold = 0.0
         self.relief: Floats | float = 0.0
         self._stresses: list[Array] | None = None
 
@@ -382,10 +392,12 @@ class PlainEquations:
 
     def evaluate(self, t: float) -> float:
         """Residual with the increments so far at load factor t; its size against its terms."""
-        bound, start = self.bound, self._start
+        bound = self.bound
+        start = self._start
         if self.schedule.moving:
             bound.ground1 = self.schedule.ground(t)
-        y, self._amplitudes = bound.configure(), self.schedule.at(t)
+        y = bound.configure()
+        self._amplitudes = self.schedule.at(t)
         self.at = balance(self.system, y, self._amplitudes, start.y, start.turns)
         springs = self.hold * weights(self.system) * (y - start.y)[: self.system.rows]
         self.at.R = self.at.R + springs - self.relief
@@ -409,10 +421,11 @@ class PlainEquations:
     @cached_property
     def _springs(self) -> list[Array]:
         """Blocks of the groups that add up to :func:`weights` on the diagonal."""
-        groups, shares = self.system.groups, np.zeros((self.system.rows, 1))
+        groups = self.system.groups
+        shares = np.zeros((self.system.rows, 1))
         for group in groups:
             np.add.at(shares, group.rows, 1.0)
-        each = [np.repeat((weights(self.system) / shares)[g.rows, 0], 3, axis=1) for g in groups]
+        each = [np.repeat((weights(self.system) / shares)[g.rows, 0], 3, 1) for g in groups]
         return [diagonal[:, :, None] * np.eye(diagonal.shape[1]) for diagonal in each]
 
     def solve(self, columns: Sequence[Array], mixed: bool = True) -> Floats:
@@ -429,7 +442,7 @@ class PlainEquations:
         data = self._assemble(mixed)  # sets the scaling
         both = [bound.scale_rows(c) for c in columns]
         both += [bound.scale_rows(bound.pull(W * z)) for z in neutral.motions]
-        X: Floats = -bound.solver.solve(data, np.column_stack(both))
+        X = -bound.solver.solve(data, np.column_stack(both))
         if not neutral.motions:
             return X
         moved = np.column_stack([(np.sqrt(W) * self.displacement(x)).ravel() for x in X.T])
@@ -456,7 +469,8 @@ class PlainEquations:
     def nearest(self, change: Floats) -> Floats:
         """Increment that comes nearest to a change (rows, 3) of the coordinates."""
         self._assemble(False)  # sets the scaling of the unknowns
-        bound, metric = self.bound, weights(self.system)
+        bound = self.bound
+        metric = weights(self.system)
         size = bound.solver.n
 
         def project(u: Floats) -> Floats:
@@ -516,12 +530,15 @@ class CompiledEquations(CompiledScene):
         plan: Plan | None = None,
         solver: Solver | None = None,
         source: Source = Source.COMPILER,
-    ) -> None:
-        self.schedule, self._plane = schedule, schedule.system.plane
+    ):
+        self.schedule = schedule
+        self._plane = schedule.system.plane
         own = kernel_coordinates(schedule.system, treatment), REST, 1.0, settings, plan, solver
         super().__init__(*own, static=True, source=source)
-        system, spin = self.system, schedule.spin is not None
-        count, each = len(system.origin_rows), len(self._a.x)
+        system = self.system
+        spin = schedule.spin is not None
+        count = len(system.origin_rows)
+        each = len(self._a.x)
         #: of the evaluation (vertices, 6), in own coordinates, then what rows gape by
         self.residual = self._a.b
         self._residuals = np.zeros((2, each, 6))
@@ -530,7 +547,7 @@ class CompiledEquations(CompiledScene):
         arrays = self._residuals, self._increments, self._pivots
         given = structure("equilibrium", dict(zip(EQUILIBRIUM, (*self._all, *arrays), strict=True)))
         self._kernels = {name: entry("static", name, given, source) for name in KERNELS}
-        self._turning = np.zeros((each, 6), dtype=bool)
+        self._turning = np.zeros((each, 6), bool)
         self._turning[:count] = self._tree["turning"]
         self._units = np.where(self._turning, 1.0, 1 / system.length)
         self._units[count:] = 0.0
@@ -587,18 +604,21 @@ class CompiledEquations(CompiledScene):
         """A copy of y; its multipliers are kept, and the next step begins with them."""
         y = self._a.y1.copy()
         if self._plane is not None:  # rounding has led out of it
-            normal, rows = self._plane.normal, self.system.rows
+            normal = self._plane.normal
+            rows = self.system.rows
             y[:rows] -= ((y - self._a.y0)[:rows] @ normal)[:, None] * normal
         self._known = y, self._mu.copy()
         return y
 
     def begin(self, start: Point) -> None:
         """Go to an equilibrium, with the multipliers found last or those that balance it best."""
-        rows, y = self.system.rows, start.y
+        rows = self.system.rows
+        y = start.y
         self._place(y[:rows].ravel(), (y[rows:], self.schedule.ground(start.t)))
         self._coupled.turn(start.turns)
         self._turns = start.turns
-        self._mixed, self._taken = False, None
+        self._mixed = False
+        self._taken = None
         self._take(start.t)
         self._call("begin")
         if len(self._mu):
@@ -606,9 +626,11 @@ class CompiledEquations(CompiledScene):
 
     def _close(self, y: Floats) -> None:
         """Take independent rows of the closed loops, and the multipliers that are found there."""
-        closure, rows = self.coordinates.closure, self.coordinates.closure.rows
+        closure = self.coordinates.closure
+        rows = self.coordinates.closure.rows
         if len(rows):
-            nodal, kin = self._nodal, self._nodal.kin
+            nodal = self._nodal
+            kin = self._nodal.kin
             nodal.begin(self._a.y0.copy(), self._a.ground1.copy())
             T = kin.values_at(y, nodal.fixed)
             rows = np.concatenate([s.rows for s in closure.select(y, T)])
@@ -667,7 +689,8 @@ class CompiledEquations(CompiledScene):
         """Pivots of the stiffness; None: not finite, or elimination in blocks is not all."""
         if self._rest is not None:
             return None
-        regular, out = self._call("pivots"), self._pivots
+        regular = self._call("pivots")
+        out = self._pivots
         self.factorisations += 1
         if out[6] > 0:  # what the rows hold may be lost as well
             out[1] = min(out[1], out[2] * out[5] / out[6])
@@ -740,7 +763,7 @@ class PathSolver:
         settings: NewtonSettings,
         choice: Choice | None = None,
         solver: Solver | None = None,
-    ) -> None:
+    ):
         self.system, self.schedule, self.settings = system, schedule, settings
         self.bound = treatment.bind(system, 1.0, large=True)  # forces act where the balance is
         asked = checked_solver(solver)
@@ -818,7 +841,8 @@ class PathSolver:
             return None, report
         assert problem.predicted is not None  # there is always one iteration
         force = np.array(problem.equations.constraint_force()).reshape(-1)
-        point, couplings = self.ended, self.system.couplings
+        point = self.ended
+        couplings = self.system.couplings
         if couplings.count:
             none = np.zeros(len(couplings.times) + 1)
             counted = couplings.starting(start.y, start.turns, none, 1.0, 0.0)
