@@ -13,6 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples" / "bench
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "examples" / "benchmarks" / "peers"))
 
 import cold_start
+import force_cost
 import front_door
 import lattice
 import measuring
@@ -28,6 +29,7 @@ FOLDER = Path(cold_start.__file__).parent
 SMALLEST = {
     step_cost: {"scenes": ("tree",), "orders": (1,), "elements": (20, 40), "repeats": 1},
     static_cost: {"elements": (8,), "repeats": 1},
+    force_cost: {"forces": ("servo",)},
     part_cost: {"parts": ("multipliers", "four-bar, motor and spring"), "elements": 4},
     step_profile: {"elements": [5]},
     lattice: {"lattices": [(4, 1), (3, 3)], "rounds": 1},
