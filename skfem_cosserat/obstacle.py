@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -33,6 +34,9 @@ class Surface(Frozen, ABC):
         What touches it is inside.
     """
 
+    #: of a cylinder, or the normal of a plane
+    axis: Floats = np.zeros(3)
+
     def __init__(
         self, point: ArrayLike, across: Floats, radius: float = 0.0, inside: bool = False
     ) -> None:
@@ -52,6 +56,15 @@ class Surface(Frozen, ABC):
         r = (x - self.point) @ self.across.T
         length = np.sqrt((r * r).sum(-1, keepdims=True)) if self.radius else r
         return self.side * (r / length) @ self.across
+
+    def foot(self, x: Floats) -> Floats:
+        """Point (3,) of a plane, or of an axis or centre, that is nearest to a point (3,)."""
+        return x - self.across.T @ (self.across @ (x - self.point))
+
+    def described(self) -> dict[str, Any]:
+        """What pictures need of it."""
+        numbers = {"point": self.point.tolist(), "axis": self.axis.tolist(), "radius": self.radius}
+        return {"kind": type(self).__name__, "inside": self.inside, **numbers}
 
     @abstractmethod
     def coordinate(self, place: Place) -> RelativeCoordinate:
@@ -80,12 +93,13 @@ class Plane(Surface):
     """
 
     def __init__(self, point: ArrayLike, normal: ArrayLike) -> None:
-        self.normal = unit_vector("plane", "normal", normal)
+        self.normal = self.axis = unit_vector("plane", "normal", normal)
         super().__init__(point, self.normal[None])
 
     def coordinate(self, place: Place) -> RelativeCoordinate:
         """The height of a place."""
-        forms = displacement("gap", ground(self.point), place, self.normal).forms
+        foot = ground(self.foot(place.position))
+        forms = displacement("gap", foot, place, self.normal).forms
         return RelativeCoordinate("gap", "height", forms)
 
 
@@ -156,8 +170,8 @@ class Cylinder(Surface):
 
     def coordinate(self, place: Place) -> RelativeCoordinate:
         """The distance of a place from the axis."""
-        origin = ground(self.point)
-        lengths = (displacement("gap", origin, place, n).forms[0] for n in normals(self.axis))
+        foot = ground(self.foot(place.position))
+        lengths = (displacement("gap", foot, place, n).forms[0] for n in normals(self.axis))
         return RelativeCoordinate("gap", "radius", tuple(lengths))
 
 
@@ -168,7 +182,8 @@ class _Touch(Coupling):
     slack = True
 
     def __init__(self, surface: Surface, place: Place, radius: float, k: float, c: float) -> None:
-        self.a, self.b = ground(surface.point), place
+        self.surface = surface
+        self.a, self.b = ground(surface.foot(place.position)), place
         self.coordinates, self.sign = (surface.coordinate(place),), -surface.side
         self._set_law(k, c, surface.radius + surface.side * radius)
 

@@ -299,6 +299,9 @@ class Scene:
         """What is between two places, and pyramids under those that belong to the ground."""
         static = self.history.static
         ends = f"{key}/ends"
+        if "surface" in entry:
+            yield from self._surface(entry)
+            return
         place, usual = (ends, "line") if ends in self.history else (f"{key}/position", "ball")
         if place not in self.history:
             return
@@ -327,6 +330,25 @@ class Scene:
             if side.startswith("ground"):
                 at = lambda row, k=k: (np.atleast_2d(row[place])[-k], axes)  # noqa: E731
                 yield _copies("ground", "ground", at, name if bed else "")
+
+    def _surface(self, entry: Any) -> Iterator[Piece]:
+        """The surface of an obstacle, once, unless the scene is inside."""
+        import pyvista
+
+        name, _, number = entry["name"].rpartition("/")
+        shape = entry["surface"]
+        if number != "0" or shape["inside"]:
+            return
+        axis, radius = np.array(shape["axis"]), shape["radius"]
+        way = ((self.middle - shape["point"]) @ axis) * axis
+        if shape["kind"] == "Plane":
+            form = pyvista.Plane(self.middle - way, axis, self.size, self.size)
+        elif shape["kind"] == "Sphere":
+            form = pyvista.Sphere(radius, shape["point"])
+        else:
+            form = pyvista.Cylinder(shape["point"] + way, axis, radius, self.size)
+        form = form.triangulate()
+        yield Piece("ground", form, _held(form.points), name)
 
     def _line(self, entry: Any, ends: str) -> Piece:
         """A spring as a coil, cables and rods straight."""

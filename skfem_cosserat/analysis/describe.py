@@ -115,8 +115,9 @@ def shown(system: System) -> list[Coupling]:
 
 
 def _tied(item: Any, kind: str) -> dict[str, Any]:
-    """A joint or coupling, and what it ties."""
-    return {"name": item.name, "type": kind, "a": item.a.label, "b": item.b.label}
+    """A joint or coupling, and what it ties; of an obstacle its surface."""
+    own = {"surface": item.surface.described()} if kind == "obstacle" else {}
+    return {"name": item.name, "type": kind, "a": item.a.label, "b": item.b.label, **own}
 
 
 def _describe_joint(joint: Joint, system: System, static: dict[str, Any]) -> None:
