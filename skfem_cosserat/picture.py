@@ -341,12 +341,15 @@ class Scene:
             return
         axis, radius = np.array(shape["axis"]), shape["radius"]
         way = ((self.middle - shape["point"]) @ axis) * axis
+        size = self.size
         if shape["kind"] == "Plane":
-            form = pyvista.Plane(self.middle - way, axis, self.size, self.size)
+            at = self.middle - way
+            form = pyvista.Plane(center=at, direction=axis, i_size=size, j_size=size)
         elif shape["kind"] == "Sphere":
-            form = pyvista.Sphere(radius, shape["point"])
+            form = pyvista.Sphere(radius=radius, center=shape["point"])
         else:
-            form = pyvista.Cylinder(shape["point"] + way, axis, radius, self.size)
+            at = shape["point"] + way
+            form = pyvista.Cylinder(center=at, direction=axis, radius=radius, height=size)
         form = form.triangulate()
         yield Piece("ground", form, _held(form.points), name)
 

@@ -1,4 +1,4 @@
-"""Pictures of the guide's pages 08 and 11; ``python examples/guide/make_page_pictures.py``.
+"""Pictures of the guide's pages 08, 11 and 14; ``python examples/guide/make_page_pictures.py``.
 
 Page 08 shows its own scene: the first blocks of the page are run, and ParaView shows the files by
 the script beside them, where it is installed. Page 11 shows the signs of a beam's resultants. Needs
@@ -72,6 +72,17 @@ def page_08(out: Path) -> list[Path]:
     return [*paths, film]
 
 
+def page_14(out: Path) -> list[Path]:
+    """The hose on its drum: the recipe of an obstacle."""
+    page = (HERE / "14_cookbook.md").read_text(encoding="utf-8")
+    names: dict[str, Any] = {}
+    exec(page.partition("## An obstacle")[2].split("```")[1].removeprefix("python"), names)
+    path = out / "14_drum.png"
+    names["run"].picture(path, frames=2, window=(1400, 900))
+    shrunk(path, 700)
+    return [path]
+
+
 def _arrow(axis: Any, start: Any, way: Any, text: str, color: str, double: bool = False) -> None:
     """A vector with a label at its tip; a moment has two heads."""
     start, way = np.array(start, dtype=float), np.array(way, dtype=float)
@@ -143,7 +154,7 @@ def main(out: str | os.PathLike[str] = PICTURES) -> list[Path]:
     """Write all pictures; returns their paths."""
     folder = Path(out)
     folder.mkdir(parents=True, exist_ok=True)
-    return [*page_08(folder), *page_11(folder)]
+    return [*page_08(folder), *page_11(folder), *page_14(folder)]
 
 
 if __name__ == "__main__":
