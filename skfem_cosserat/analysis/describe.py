@@ -137,12 +137,9 @@ def _describe_joint(joint: Joint, system: System, static: dict[str, Any]) -> Non
 
 def recorded_turns(system: System, history: History, index: int = -1) -> IndexArray | None:
     """Full turns and memories of a system at a state; as at first if they are not recorded."""
-    names, first = system.couplings.turning, system.couplings.untouched
-    if not names or "turns" not in history:
+    if "turns" not in history:
         return None
-    known = dict(zip(history.meta.get("turns", []), history["turns"][index], strict=True))
-    own = [known.get(name, value) for name, value in zip(names, first, strict=True)]
-    return np.array(own, dtype=first.dtype)
+    return system.couplings.named(history.meta.get("turns", []), history["turns"][index])
 
 
 def _describe_lump(

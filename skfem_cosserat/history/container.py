@@ -633,6 +633,10 @@ class History(Shown):
             rows = slice(*segments[k])
             systems = self.systems[k : k + 1]
             part = {name: s[rows] for name, s in self._series.items()}
+            if "turns" in part and systems:
+                own = systems[0].couplings
+                part["turns"] = own.named(meta["turns"], np.asarray(part["turns"]))
+                meta["turns"] = own.turning
             self._segments[k] = History(meta, self.static, part, None, systems, self._kind)
         return self._segments[k]
 

@@ -477,7 +477,8 @@ class Stepper:
         y = self.system.extend(state.q, state.time)
         v = nearest_velocity(self.system, y, state.p, state.time).reshape(-1, 3)
         ydot = np.concatenate([v, self.system.ground_rate(state.time)])
-        return replace(state, turns=couplings.sampled(y, ydot, state.turns, state.time))
+        turns = couplings.sampled(y, ydot, state.turns, state.time)
+        return replace(state, turns=turns, carried={})  # accelerations jump
 
     def _ends_block(self, t0: float, t1: float) -> bool:
         """True if a step has prescribed motion that jumps or fails, which :meth:`advance` tells."""

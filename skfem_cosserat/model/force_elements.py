@@ -850,6 +850,14 @@ class Couplings:
         if turns is not None and np.shape(turns)[-1:] != (count,):
             raise InputError("turns of angles", f"shape {np.shape(turns)}, expected (..., {count})")
 
+    def named(self, names: Sequence[str], turns: Array) -> Array:
+        """Full turns and memories (..., k) of those of other names; without one, as at first."""
+        known = dict(zip(names, np.moveaxis(turns, -1, 0), strict=True))
+        out = np.empty((*np.shape(turns)[:-1], len(self.turning)), self.untouched.dtype)
+        for k, name in enumerate(self.turning):
+            out[..., k] = known.get(name, self.untouched[k])
+        return out
+
     def due(self, turns: Array | None) -> float:
         """Instant (s) at which a law is sampled next; infinite if none is."""
         if not any(g.law.period for g in self.groups):

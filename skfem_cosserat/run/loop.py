@@ -21,7 +21,7 @@ from ..integrators import Block, Integrator, State, Stepper, StepReport
 from ..linear import Solver
 from ..model import System, takes_scene
 from ..newton import NewtonSettings
-from ..types import MOST, FilePath, positive, real, whole
+from ..types import MOST, Array, FilePath, positive, real, whole
 from ..warn import Notices, logger
 from .conditions import ActionOutcome
 from .events import Event, EventMonitor, Found, checked_events
@@ -141,9 +141,12 @@ class RunLoop:
         own = Projection(system)(state.q, state.p, state.time)[1]
         integrator = self.plan.stepper.integrator
         before = _energy(system, integrator, state)
+        turns: Array | None = state.turns
+        if turns is not None:
+            turns = new.couplings.named(system.couplings.turning, turns)
         if outcome.state is None:
             p = Projection(new)(state.q, own, state.time)[1]
-            after = State(state.time, state.index, state.q, p, turns=state.turns)
+            after = State(state.time, state.index, state.q, p, turns=turns)
         else:
             given = replace(outcome.state, fresh=True, load_factor=None)
             after = replace(given, time=state.time, index=state.index)

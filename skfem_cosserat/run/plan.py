@@ -113,7 +113,9 @@ class FixedSteps(Plan):
             return
         self._count = max(0, int(np.ceil(steps - 1e-9)))
         if self._count:
-            self.h = left / self._count
+            h = left / self._count
+            # schemes of fixed steps take no others
+            self.h = self._size if abs(h - self._size) <= 1e-9 * h else h
 
 
 # -- what a pair of steps is wrong by, in positions and in velocities ------------------------------

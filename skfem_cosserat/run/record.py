@@ -229,6 +229,8 @@ class Record:
         #: rows so far, with those that wait
         self._rows = 0
         self._excess = strain_excess(self.system, state.q[None], state.time)
+        #: what the turns of all rows are named after
+        self._first = self.system.couplings
         self._begin(state)
 
     def _begin(self, state: State, loss: float = 0.0) -> None:
@@ -293,8 +295,8 @@ class Record:
             "dissipated_by_scheme": sums[:, 3],
             "wanted": np.broadcast_to(self.wanted(index, times, sizes), len(times)).copy(),
         }
-        if self.system.couplings.turning:
-            rows["turns"] = turns
+        if self._first.turning:
+            rows["turns"] = self._first.named(self.system.couplings.turning, turns)
         if self.varying:
             rows["step_size"] = sizes
         if self.stepper.integrator.remembered:
