@@ -50,7 +50,7 @@ class Coupling(Item):
     coordinates : tuple of RelativeCoordinate
         What it acts on, m components in all.
     stiffness, damping : (m, m) array
-        Symmetric and positive semidefinite.
+        Symmetric and positive semidefinite; (0, 0) of a :class:`Force`.
     neutral : (m,) array
         Coordinates without spring force.
     channels : tuple of TimeFunction
@@ -80,9 +80,11 @@ class Coupling(Item):
     a: Place
     b: Place
     coordinates: tuple[RelativeCoordinate, ...]
-    stiffness: Floats
-    damping: Floats
+    stiffness: Floats = np.zeros((0, 0))
+    damping: Floats = np.zeros((0, 0))
     neutral: Floats
+    #: of which it is a piece, if it is one
+    part_of: Coupling | None = None
     #: numbers that a law remembers, at first
     memory: Floats = np.zeros(0)
     #: of a law that is sampled (s)
@@ -92,6 +94,11 @@ class Coupling(Item):
         yield from super()._parts()
         if self.channels:
             yield "amplitude", self.channels
+
+    @property
+    def whole(self) -> Coupling:
+        """The item of the model that it is, or is a piece of."""
+        return self if self.part_of is None else self.part_of
 
     @property
     def size(self) -> int:
@@ -108,10 +115,16 @@ class Coupling(Item):
         """Force elements that it is made of: a force beside stiffness and damping is one more."""
         if self.force is None or self.own_law:
             return [self]
-        own: Any = loosened(copy(self))
-        own.own_law, own.whole = True, self
+        own = loosened(copy(self))
+        own.own_law, own.part_of = True, self
         vars(own)["name"] = f"{self.name}/force"
         return [self, own]
+
+    def _coordinate_of(self, joint: Joint, name: str | None) -> RelativeCoordinate:
+        try:
+            return joint.coordinate(name)
+        except InputError as error:
+            raise InputError(self.label, str(error)) from error
 
     def sides(self) -> Sequence[Place]:
         """The places that it connects."""
@@ -209,10 +222,7 @@ class _OnJoint(Coupling):
             raise InputError(self.label, f"joint is {joint!r}, expected a joint of the model")
         self.joint = joint
         self.a, self.b = joint.a, joint.b
-        try:
-            self.coordinates = (joint.coordinate(coordinate),)
-        except InputError as error:
-            raise InputError(self.label, str(error)) from error
+        self.coordinates = (self._coordinate_of(joint, coordinate),)
 
     def references(self) -> Sequence[Item]:
         """The joint."""
@@ -560,9 +570,12 @@ class Bushing(_BetweenPlaces):
         damping: float | ArrayLike | None = None,
     ) -> None:
         super().__init__(a, b)
-        shifts = [displacement(f"u_{k + 1}", a, b, e) for k, e in enumerate(np.eye(3))]
-        self.coordinates = (*shifts, rotation("psi", a, b))
+        self.coordinates = (*_shifts(a, b), rotation("psi", a, b))
         self._set_law(stiffness, 0.0 if damping is None else damping, 0.0)
+
+
+def _shifts(a: Place, b: Place) -> tuple[RelativeCoordinate, ...]:
+    return tuple(displacement(f"u_{k + 1}", a, b, axis) for k, axis in enumerate(np.eye(3)))
 
 
 # -- elastic foundations: springs and dampers along a beam -----------------------------------------
@@ -575,10 +588,7 @@ class _Support(Coupling):
 
     def __init__(self, place: Place, stiffness: Floats, damping: Floats) -> None:
         self.a, self.b = ground(place.position), place
-        axes = np.eye(3)
-        self.coordinates = tuple(
-            displacement(f"u_{k + 1}", self.a, self.b, axis) for k, axis in enumerate(axes)
-        )
+        self.coordinates = _shifts(self.a, self.b)
         self._set_law(stiffness, damping, 0.0)
 
 

@@ -230,7 +230,7 @@ class System(Pictured):
             self.joints,
             self.loads,
             self.drives,
-            [*self.couplings.items, *self.couplings.own],
+            self.couplings.all,
         )
         scene = *items, self.dampings, self.placed, self.scene
         return _made, (scene, self.plane, self.warnings)
