@@ -164,9 +164,8 @@ class Force(Coupling):
         self.joints = tuple(j for j in where if isinstance(j, Joint))
         found = [self._coordinates(k, each) for k, each in enumerate(where)]
         self.coordinates = tuple(c for coordinates in found for c in coordinates)
-        inner = (
-            (3,) if self.points else () if self.size == len(where) else (self.size // len(where),)
-        )
+        numbers_each = self.size // len(where)
+        inner = (numbers_each,) * (numbers_each > 1)
         #: shape of x in one call, or of each place
         self.shape = inner if alone or self.each else (len(where), *inner)
         if self.together > 1:
@@ -234,10 +233,10 @@ class Force(Coupling):
             return [self]
         out: list[Coupling] = []
         step = self.together * (3 if self.points else 1)
-        for k in range(0, self.size, step):
+        for k in range(0, len(self.coordinates), step):
             piece = loosened(copy(self))
             piece.coordinates, piece.part_of = self.coordinates[k : k + step], self
-            piece.neutral = np.zeros(step)
+            piece.neutral = np.zeros(piece.size)
             vars(piece)["name"] = f"{self.name}/{k // step}"
             out.append(piece)
         return out

@@ -111,8 +111,7 @@ def describe(system: System) -> tuple[dict[str, Any], dict[str, Floats]]:
 
 def shown(system: System) -> list[Coupling]:
     """Force elements between two places: those of own laws at places are listed as loads."""
-    own = [c for c in system.couplings.own if not c.whole.points]
-    return [*system.couplings.items, *own]
+    return [c for c in system.couplings.all if not c.points]
 
 
 def _tied(item: Any, kind: str) -> dict[str, Any]:
