@@ -338,21 +338,18 @@ class JointLimits(Composed):
         damping: float = 0.0,
         coordinate: str | None = None,
     ) -> None:
-        ends = {"lower": (-1.0, lower), "upper": (1.0, upper)}
-        given = {name: pair for name, pair in ends.items() if pair[1] is not None}
-        if not given:
+        if lower is None and upper is None:
             raise InputError(self.label, "has no end: give lower, upper or both")
         if lower is not None and upper is not None and not lower < upper:
             raise InputError(self.label, f"lower = {lower}, expected less than upper = {upper}")
         positive(self.label, "stiffness", stiffness, " (N/m or N m/rad)")
         self.joint, self.lower, self.upper, self.coordinate = joint, lower, upper, coordinate
         self.stiffness, self.damping = stiffness, damping
-        self._made = {
-            f"/{name}": _Stop(
-                joint, sign, finite(self.label, name, end), stiffness, damping, coordinate
-            )
-            for name, (sign, end) in given.items()
-        }
+        self._made = {}
+        for name, sign, end in (("lower", -1.0, lower), ("upper", 1.0, upper)):
+            if end is not None:
+                at = finite(self.label, name, end)
+                self._made[f"/{name}"] = _Stop(joint, sign, at, stiffness, damping, coordinate)
 
 
 class JointActuator(_OnJoint):

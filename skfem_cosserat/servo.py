@@ -95,8 +95,9 @@ class JointServo(JointSpringDamper):
         limit: float | None = None,
         coordinate: str | None = None,
     ) -> None:
-        gains = {"kp": kp, "kd": kd, "ki": ki}
-        self.kp, self.kd, self.ki = (not_negative(self.label, *each) for each in gains.items())
+        self.kp = not_negative(self.label, "kp", kp)
+        self.kd = not_negative(self.label, "kd", kd)
+        self.ki = not_negative(self.label, "ki", ki)
         if not (self.kp or self.kd):
             raise InputError(self.label, "kp and kd are both zero: it holds nothing")
         self.limit = None if limit is None else positive(self.label, "limit", limit, " (N or N m)")

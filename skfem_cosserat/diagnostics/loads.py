@@ -44,9 +44,8 @@ def _of_own_law(system: System, load: Force, history: History, y: Floats) -> lis
     own = [item for item in system.couplings.own if item.whole is load]
     speeds = rates(system, history["v"], history.instants)
     found = system.couplings_of(own).forces(y, speeds, None, history.instants)
-    pairs = ((x, -force) for _, x, force in found)
-    x, force = (np.concatenate(each, axis=1) for each in zip(*pairs, strict=True))
-    x, force = (each.reshape(len(y), -1, 3)[:, load.shown] for each in (x, force))
+    both = np.concatenate([np.stack([x, -force]) for _, x, force in found], axis=2)
+    x, force = both.reshape(2, len(y), -1, 3)[:, :, load.shown]
     return [x, force, np.zeros_like(force)]
 
 

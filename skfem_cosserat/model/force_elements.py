@@ -253,7 +253,7 @@ class Positions:
         return self.values(ydot)
 
 
-def _padded(owned: list[list[int]]) -> tuple[IndexArray, IndexArray]:
+def _padded(owned: list[list[int]]) -> tuple[IndexArray, Array]:
     """Rows (c, R) of couplings, the first one again where there are fewer, and which are real."""
     R = max(map(len, owned))
     rows = np.array([each + each[:1] * (R - len(each)) for each in owned])

@@ -76,17 +76,13 @@ class OwnLaw:
         other._memory, other._half, other._before = memory, half, before
         return other
 
-    def remembered(self, e0: Floats, e1: Floats, t: float) -> Floats:
-        """Memory (c, k) at the end of a step from e0 to e1, at whose time t the law is taken."""
+    def remembered(self, e0: Array, e1: Array, t: float) -> Array:
+        """Memory (n, k) at the end of a step from e0 to e1 (n, m); t: when the law is taken."""
+        start = self._at_start(len(e1))
         if not self._half:
-            return self._memory
+            return start
         middle = t if self._before is None else t - self._half
-        return self._end(e0, e1, middle)
-
-    def _end(self, e0: Array, e1: Array, t: float) -> Array:
-        """Memory (n, k) at the end of a step, of whose middle t is the time, for rows (n, m)."""
-        at = 0.5 * (e0 + e1), (e1 - e0) / (2 * self._half)
-        return 2 * self._middle(*at, t) - self._at_start(len(e1))
+        return 2 * self._middle(0.5 * (e0 + e1), (e1 - e0) / (2 * self._half), middle) - start
 
     def _at_start(self, n: int) -> Floats:
         """Memory (n, k) at the start of a step, for n rows of coordinates."""
@@ -192,7 +188,7 @@ class OwnLaw:
             z = self._middle(e, rate, t)
         else:
             before = np.repeat(self._before, len(e) // len(self._before), axis=0)
-            z = self._end(before, e, t - self._half)
+            z = self.remembered(before, e, t)
         return self._with_memory([e, rate, z], t)[0].reshape(e.shape)
 
     def _slopes_of_law(self, e: Floats, rate: Floats, t: float) -> tuple[Floats, Floats]:
