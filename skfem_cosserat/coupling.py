@@ -50,7 +50,7 @@ class Coupling(Item):
     coordinates : tuple of RelativeCoordinate
         What it acts on, m components in all.
     stiffness, damping : (m, m) array
-        Symmetric and positive semidefinite.
+        Symmetric and positive semidefinite; (0, 0) of a :class:`Force`.
     neutral : (m,) array
         Coordinates without spring force.
     channels : tuple of TimeFunction
@@ -80,9 +80,11 @@ class Coupling(Item):
     a: Place
     b: Place
     coordinates: tuple[RelativeCoordinate, ...]
-    stiffness: Floats
-    damping: Floats
+    stiffness: Floats = np.zeros((0, 0))
+    damping: Floats = np.zeros((0, 0))
     neutral: Floats
+    #: of which it is a piece, if it is one
+    part_of: Coupling | None = None
     #: numbers that a law remembers, at first
     memory: Floats = np.zeros(0)
     #: of a law that is sampled (s)
@@ -92,6 +94,11 @@ class Coupling(Item):
         yield from super()._parts()
         if self.channels:
             yield "amplitude", self.channels
+
+    @property
+    def whole(self) -> Coupling:
+        """The item of the model that it is, or is a piece of."""
+        return self if self.part_of is None else self.part_of
 
     @property
     def size(self) -> int:
@@ -108,10 +115,16 @@ class Coupling(Item):
         """Force elements that it is made of: a force beside stiffness and damping is one more."""
         if self.force is None or self.own_law:
             return [self]
-        own: Any = loosened(copy(self))
-        own.own_law, own.whole = True, self
+        own = loosened(copy(self))
+        own.own_law, own.part_of = True, self
         vars(own)["name"] = f"{self.name}/force"
         return [self, own]
+
+    def _coordinate_of(self, joint: Joint, name: str | None) -> RelativeCoordinate:
+        try:
+            return joint.coordinate(name)
+        except InputError as error:
+            raise InputError(self.label, str(error)) from error
 
     def sides(self) -> Sequence[Place]:
         """The places that it connects."""
@@ -209,10 +222,7 @@ class _OnJoint(Coupling):
             raise InputError(self.label, f"joint is {joint!r}, expected a joint of the model")
         self.joint = joint
         self.a, self.b = joint.a, joint.b
-        try:
-            self.coordinates = (joint.coordinate(coordinate),)
-        except InputError as error:
-            raise InputError(self.label, str(error)) from error
+        self.coordinates = (self._coordinate_of(joint, coordinate),)
 
     def references(self) -> Sequence[Item]:
         """The joint."""
@@ -328,21 +338,18 @@ class JointLimits(Composed):
         damping: float = 0.0,
         coordinate: str | None = None,
     ) -> None:
-        ends = {"lower": (-1.0, lower), "upper": (1.0, upper)}
-        given = {name: pair for name, pair in ends.items() if pair[1] is not None}
-        if not given:
+        if lower is None and upper is None:
             raise InputError(self.label, "has no end: give lower, upper or both")
         if lower is not None and upper is not None and not lower < upper:
             raise InputError(self.label, f"lower = {lower}, expected less than upper = {upper}")
         positive(self.label, "stiffness", stiffness, " (N/m or N m/rad)")
         self.joint, self.lower, self.upper, self.coordinate = joint, lower, upper, coordinate
         self.stiffness, self.damping = stiffness, damping
-        self._made = {
-            f"/{name}": _Stop(
-                joint, sign, finite(self.label, name, end), stiffness, damping, coordinate
-            )
-            for name, (sign, end) in given.items()
-        }
+        self._made = {}
+        for name, sign, end in (("lower", -1.0, lower), ("upper", 1.0, upper)):
+            if end is not None:
+                at = finite(self.label, name, end)
+                self._made[f"/{name}"] = _Stop(joint, sign, at, stiffness, damping, coordinate)
 
 
 class JointActuator(_OnJoint):
@@ -560,9 +567,12 @@ class Bushing(_BetweenPlaces):
         damping: float | ArrayLike | None = None,
     ) -> None:
         super().__init__(a, b)
-        shifts = [displacement(f"u_{k + 1}", a, b, e) for k, e in enumerate(np.eye(3))]
-        self.coordinates = (*shifts, rotation("psi", a, b))
+        self.coordinates = (*_shifts(a, b), rotation("psi", a, b))
         self._set_law(stiffness, 0.0 if damping is None else damping, 0.0)
+
+
+def _shifts(a: Place, b: Place) -> tuple[RelativeCoordinate, ...]:
+    return tuple(displacement(f"u_{k + 1}", a, b, axis) for k, axis in enumerate(np.eye(3)))
 
 
 # -- elastic foundations: springs and dampers along a beam -----------------------------------------
@@ -575,10 +585,7 @@ class _Support(Coupling):
 
     def __init__(self, place: Place, stiffness: Floats, damping: Floats) -> None:
         self.a, self.b = ground(place.position), place
-        axes = np.eye(3)
-        self.coordinates = tuple(
-            displacement(f"u_{k + 1}", self.a, self.b, axis) for k, axis in enumerate(axes)
-        )
+        self.coordinates = _shifts(self.a, self.b)
         self._set_law(stiffness, damping, 0.0)
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from copy import copy
-from typing import Any, Self, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from .coupling import Coupling
 from .errors import InputError
 from .frames import Item, Place, no_place
-from .frozen import Frozen, Replacements, loosened
+from .frozen import Frozen, loosened
 from .joint import Joint
 from .relative import ORIGIN, Expression, RelativeCoordinate, position
 from .types import ArrayLike, numbers, positive, switch
@@ -144,9 +144,7 @@ class Force(Coupling):
         each: bool = False,
         memory: float | ArrayLike | None = None,
     ) -> None:
-        alone = isinstance(at, Place | Expression | Joint | RelativeCoordinate)
-        if not alone and not isinstance(at, Iterable):
-            raise InputError(self.label, f"acts on {no_place(at)}")
+        alone = not isinstance(at, Iterable)
         where = [at] if alone else list(at)  # type: ignore[arg-type]
         if not where:
             raise InputError(self.label, "has no places, expected one or more")
@@ -166,9 +164,8 @@ class Force(Coupling):
         self.joints = tuple(j for j in where if isinstance(j, Joint))
         found = [self._coordinates(k, each) for k, each in enumerate(where)]
         self.coordinates = tuple(c for coordinates in found for c in coordinates)
-        inner = (
-            (3,) if self.points else () if self.size == len(where) else (self.size // len(where),)
-        )
+        numbers_each = self.size // len(where)
+        inner = (numbers_each,) * (numbers_each > 1)
         #: shape of x in one call, or of each place
         self.shape = inner if alone or self.each else (len(where), *inner)
         if self.together > 1:
@@ -186,42 +183,29 @@ class Force(Coupling):
         self.a, self.b = self.sides()[0], self.sides()[-1]
         if self.joints:
             self.a, self.b = self.joints[0].a, self.joints[0].b
-        self._without_springs()
-        #: of one place each, made when the scene is frozen
-        self._parts_of_it: list[Coupling] = []
+        self.neutral = np.zeros(self.size)
 
     def _coordinates(self, k: int, where: Any) -> Sequence[RelativeCoordinate]:
         if isinstance(where, Place | Expression):
             return position(str(k), where)
-        try:
-            return [where.coordinate(None) if isinstance(where, Joint) else where]
-        except (InputError, AttributeError) as error:
-            why = str(error) if isinstance(error, InputError) else f"acts on {no_place(where)}"
-            raise InputError(self.label, why) from error
-
-    def _without_springs(self) -> None:
-        """Springs of force elements: it has none."""
-        self.stiffness = self.damping = np.zeros((0, 0))
-        self.neutral = np.zeros(self.size)
-
-    def with_replacements(self, replacements: Replacements) -> Self:
-        """Copy that acts on the replacements."""
-        other = super().with_replacements(replacements)
-        other._parts_of_it = []
-        return other
+        if isinstance(where, Joint):
+            return [self._coordinate_of(where, None)]
+        if not isinstance(where, RelativeCoordinate):
+            raise InputError(self.label, f"acts on {no_place(where)}")
+        return [where]
 
     def controller(self, x: Any, v: Any, t: float, z: Any) -> Any:
         """Memory of a :class:`Controller` after it was sampled."""
         assert isinstance(self.law, Controller)
         out, size, function = z.copy(), x.size // z[..., 0].size, self.law.function
+        before, kept = z.shape[:-1], z[..., size + 1 :]
+        if self._own_memory:
+            forces, kept = function(x, v, t, kept.reshape(*before, *self._kept))
+        else:
+            forces = function(x, v, t)
+        out[..., :size] = np.reshape(forces, (*before, size))
         out[..., size] = (np.floor(t / self.period + INSTANT) + 1) * self.period
-        if not self._own_memory:
-            out[..., :size] = np.reshape(function(x, v, t), (*z.shape[:-1], size))
-            return out
-        kept = z[..., size + 1 :].reshape(*z.shape[:-1], *self._kept)
-        forces, kept = function(x, v, t, kept)
-        out[..., :size] = np.reshape(forces, (*z.shape[:-1], size))
-        out[..., size + 1 :] = np.reshape(kept, (*z.shape[:-1], -1))
+        out[..., size + 1 :] = np.reshape(kept, (*before, -1))
         return out
 
     def sides(self) -> Sequence[Place]:
@@ -247,12 +231,12 @@ class Force(Coupling):
         """Force elements that it is made of: one, or one for each place."""
         if not self.each:
             return [self]
-        if not self._parts_of_it:
-            step = self.together * (3 if self.points else 1)
-            for k in range(0, self.size, step):
-                piece = loosened(copy(self))
-                piece.coordinates, piece.whole = self.coordinates[k : k + step], self
-                piece._without_springs()
-                vars(piece)["name"] = f"{self.name}/{k // step}"
-                self._parts_of_it.append(piece)
-        return self._parts_of_it
+        out: list[Coupling] = []
+        step = self.together * (3 if self.points else 1)
+        for k in range(0, len(self.coordinates), step):
+            piece = loosened(copy(self))
+            piece.coordinates, piece.part_of = self.coordinates[k : k + step], self
+            piece.neutral = np.zeros(piece.size)
+            vars(piece)["name"] = f"{self.name}/{k // step}"
+            out.append(piece)
+        return out

@@ -25,6 +25,8 @@ class _OnBasis(Force):
     """A force at the points of full integration of a beam: line and directors at each."""
 
     together = 4
+    #: arguments beside the beam and the form
+    _more: tuple[Any, ...] = ()
 
     def __init__(self, beam: Beam, form: Any, **law: Any) -> None:
         check_beam(self.label, beam)
@@ -50,10 +52,7 @@ class _OnBasis(Force):
 
     def with_replacements(self, replacements: Replacements) -> Self:
         """The same form on the beam that replaces its own."""
-        return type(self)(replacements.of(self.beam), self.form, **self._others())
-
-    def _others(self) -> dict[str, Any]:
-        return {}
+        return type(self)(replacements.of(self.beam), self.form, *self._more)
 
     @property
     def shown(self) -> range:
@@ -144,12 +143,9 @@ class LoadForm(_OnBasis):
     kind = "form"
 
     def __init__(self, beam: Beam, form: Any, derivative: Callable[..., Any] | None = None) -> None:
-        self._given = derivative
+        self._given, self._more = derivative, (derivative,)
         more = {} if derivative is None else {"derivative": self._slopes}
         super().__init__(beam, form, law=self._forces, **more)
-
-    def _others(self) -> dict[str, Any]:
-        return {"derivative": self._given}
 
     def _tested(self, form: Callable[[Any, Any], Any], w: Any) -> Array:
         """Coefficients (12, k elements, points) of the twelve components of v in a form."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 
 from .coupling import Coupling, JointSpringDamper
 from .errors import InputError
 from .force import Force
-from .frozen import Frozen, Replacements
+from .frozen import Frozen
 from .joint import Joint
 from .time_function import Constant, TimeFunction, time_function
 from .types import not_negative, positive
@@ -95,8 +95,9 @@ class JointServo(JointSpringDamper):
         limit: float | None = None,
         coordinate: str | None = None,
     ) -> None:
-        gains = {"kp": kp, "kd": kd, "ki": ki}
-        self.kp, self.kd, self.ki = (not_negative(self.label, *each) for each in gains.items())
+        self.kp = not_negative(self.label, "kp", kp)
+        self.kd = not_negative(self.label, "kd", kd)
+        self.ki = not_negative(self.label, "ki", ki)
         if not (self.kp or self.kd):
             raise InputError(self.label, "kp and kd are both zero: it holds nothing")
         self.limit = None if limit is None else positive(self.label, "limit", limit, " (N or N m)")
@@ -108,25 +109,17 @@ class JointServo(JointSpringDamper):
             raise InputError(self.label, "acts on a rotation vector, expected an angle or a length")
         if not constant:
             self.channels = (_Command(self.reference, self.kp, self.kd),)
-        self._law: list[Coupling] = []
-
-    def with_replacements(self, replacements: Replacements) -> Self:
-        """Copy on the joint that replaces its own."""
-        other = super().with_replacements(replacements)
-        other._law = []
-        return other
 
     def pieces(self) -> Sequence[Coupling]:
         """Itself, or a force by a law where it has a limit or an integral."""
         if not (self.ki or self.limit):
             return [self]
-        if not self._law:
-            memory = 0.0 if self.ki else None
-            whole = Force(self.coordinates, self._force, each=True, memory=memory)
-            self._law = whole.pieces()
-            for each in (whole, *self._law):
-                vars(each)["name"] = self.name
-        return self._law
+        memory = 0.0 if self.ki else None
+        whole = Force(self.coordinates, self._force, each=True, memory=memory)
+        pieces = whole.pieces()
+        for each in (whole, *pieces):
+            vars(each)["name"] = self.name
+        return pieces
 
     def _force(self, x: Any, v: Any, t: float, z: Any = 0.0) -> Any:
         error = self.reference.value(t) - x
@@ -134,6 +127,6 @@ class JointServo(JointSpringDamper):
         most = np.inf if self.limit is None else self.limit
         free = abs(asked.real) <= most
         force = np.where(free, asked, most * np.sign(asked.real))
-        return (
-            (force, np.where(free | (error.real * asked.real < 0), error, 0)) if self.ki else force
-        )
+        if not self.ki:
+            return force
+        return force, np.where(free | (error.real * asked.real < 0), error, 0)

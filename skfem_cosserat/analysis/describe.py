@@ -36,7 +36,7 @@ from ..diagnostics import (
 from ..diagnostics.energy import potential, recorded_factors, resultants
 from ..diagnostics.inputs import at_jumps
 from ..diagnostics.joint_motion import relative_names, relative_series
-from ..diagnostics.loads import acting, load_wrenches, whole_of
+from ..diagnostics.loads import acting, load_wrenches
 from ..diagnostics.stacked import all_rows, at_place
 from ..errors import HistoryError, IncompleteWarning, InputError, StorageError
 from ..force import Force
@@ -111,7 +111,7 @@ def describe(system: System) -> tuple[Meta, dict[str, Floats]]:
 
 def shown(system: System) -> list[Coupling]:
     """Force elements between two places: those of own laws at places are listed as loads."""
-    return [*system.couplings.items, *[c for c in system.couplings.own if not whole_of(c).points]]
+    return [c for c in system.couplings.all if not c.points]
 
 
 def _tied(item: Any, kind: str) -> dict[str, Any]:

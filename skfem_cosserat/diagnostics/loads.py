@@ -6,7 +6,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ..coupling import Coupling
 from ..force import Force
 from ..history import History
 from ..load import Load, Term, TermForce, TermLine, TermStrain
@@ -23,13 +22,8 @@ def acting(system: System) -> list[Load | Force]:
         lines = [each for each in load.made_of if isinstance(each, TermLine)]
         if load.places() or any(not isinstance(each, TermStrain) for each in lines):
             out.append(load)
-    own = {id(whole): whole for whole in map(whole_of, system.couplings.own)}
+    own = {id(item.whole): item.whole for item in system.couplings.own}
     return out + [each for each in own.values() if isinstance(each, Force) and each.points]
-
-
-def whole_of(item: Coupling) -> Coupling:
-    """The force or spring of own law that an element is, or is a piece of."""
-    return getattr(item, "whole", item)
 
 
 def load_wrenches(system: System, load: Load | Force, history: History) -> list[Floats]:
@@ -47,12 +41,14 @@ def load_wrenches(system: System, load: Load | Force, history: History) -> list[
 
 def _of_own_law(system: System, load: Force, history: History, y: Floats) -> list[Floats]:
     """Places, forces and moments of a force by a law of the user's own."""
-    own = [item for item in system.couplings.own if whole_of(item) is load]
+    own = system.couplings_of([item for item in system.couplings.own if item.whole is load])
     speeds = rates(system, history["v"], history.instants)
-    found = system.couplings_of(own).forces(y, speeds, None, history.instants)
-    pairs = ((x, -force) for _, x, force in found)
-    x, force = (np.concatenate(each, 1) for each in zip(*pairs, strict=True))
-    x, force = (each.reshape(len(y), -1, 3)[:, load.shown] for each in (x, force))
+    turns = history.series.get("turns")
+    if turns is not None:
+        turns = own.named(history.meta["turns"], np.asarray(turns))
+    found = own.forces(y, speeds, turns, history.instants)
+    both = np.concatenate([np.stack([x, -force]) for _, x, force in found], axis=2)
+    x, force = both.reshape(2, len(y), -1, 3)[:, :, load.shown]
     return [x, force, np.zeros_like(force)]
 
 

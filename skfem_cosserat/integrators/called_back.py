@@ -305,72 +305,77 @@ class CalledForces(Called):
     tree, columns : dict of arrays, and array
         The tables of force elements, and what they have in a step; see :mod:`..compiled.forces`.
     scheme : Scheme
+    first : int
+        Where their full turns and memories begin among those of a state.
+
+    Attributes
+    ----------
+    couplings : Couplings
+        Those of such laws, which may be none.
     """
 
     def __init__(
-        self, system: System, tree: dict[str, Any], columns: Floats, scheme: Scheme
+        self, system: System, tree: dict[str, Any], columns: Floats, scheme: Scheme, first: int
     ) -> None:
         super().__init__(self._find, self._fail)
         self._columns, self._scheme, self._laws = columns, scheme, tree["coupling_law"]
-        tree["called"][0] = self.address
-        items, called = system.couplings.items, system.couplings.called
-        self._couplings = system.couplings_of(called)
-        number = {id(item): len(items) + k for k, item in enumerate(called)}
+        called = system.couplings.called
+        if called:
+            tree["called"][0] = self.address
+        self.couplings = system.couplings_of(called)
+        number = {id(item): k for k, item in enumerate([*system.couplings.items, *called])}
         self._groups = [
-            (g, np.array([number[id(m)] for m in g.members])) for g in self._couplings.groups
+            (g, np.array([number[id(m)] for m in g.members])) for g in self.couplings.groups
         ]
         for g, rows in self._groups:
             columns[rows, WINDS] = float(len(g.angles))
             self._laws[rows, NEUTRAL, SIGN, 1] = float(g.law.force_of_load)
-        first = len(system.couplings_of(items).angles)
-        #: theirs among full turns and memories of a state
-        self._own = slice(first, first + len(self._couplings.angles))
-        self._log: list[Array] = []
+        self._own = slice(first, first + len(self.couplings.angles))
 
     def begin(self, turns: Array | None, time: float, h: float) -> None:
         """Start a step of size h (s) from full turns and memories, as in a state."""
-        self._h, self._log, self.error = h, [], None
+        self._h, self.error = h, None
+        self._log: list[Array] = []
         self._start(None if turns is None else np.asarray(turns)[self._own], time)
 
     def go_on(self, time: float) -> None:
         """Start the next step where the last one has ended."""
-        if self._couplings.angles:
-            self._log.append(self._ended())
-            self._start(self._log[-1], time)
-        else:
-            self._start(None, time)
+        self._log.append(self._ended())
+        self._start(self._log[-1], time)
 
     def _start(self, turns: Array | None, time: float) -> None:
         self._time = time + (1.0 if self._scheme.at_end else 0.5) * self._h
-        self._kept = self._couplings.kept(turns)
-        for (g, rows), (own, _) in zip(self._groups, self._kept, strict=True):
+        kept = self.couplings.kept(turns)
+        self._memories = [memory for _, memory in kept]
+        for (g, rows), (own, _) in zip(self._groups, kept, strict=True):
             if len(g.angles):
                 self._columns[rows, TURNS] = own[:, 0]
 
     def _find(self, stage: int) -> None:
-        scheme, t = self._scheme, self._time
-        for (g, rows), (_, memory) in zip(self._groups, self._kept, strict=True):
-            (e0, e1, e, change), law, m = self._coordinates(g, rows), g.law, len(g.neutral[0])
-            assert isinstance(law, OwnLaw)
-            if memory.size:
-                law = law.within(memory, 0.5 * self._h, e0 if scheme.at_end else None)
-            way = self._columns[rows[0], STEP]
-            at = None if scheme.ends else (e, change / way)
+        t, ends = self._time, self._scheme.ends
+        for (g, rows), memory in zip(self._groups, self._memories, strict=True):
+            law, (e0, e1, e, change) = self._in_step(g, rows, memory)
+            m, way = g.kind.size, self._columns[rows[0], STEP]
             if stage == FORCES_OF_LAWS:
-                force = law.discrete(e0, e1, way, t)[0] if at is None else law.force(*at, t)
+                force = law.discrete(e0, e1, way, t)[0] if ends else law.force(e, change / way, t)
                 self._laws[rows, NEUTRAL, FORCES, :m] = force
+            elif ends:
+                self._laws[rows, STIFFNESS, :m, :m] = law.discrete_slopes(e0, e1, way, t)
             else:
-                both = law.tangents((e0, e1), at, way, t)
-                for table, slopes in zip((STIFFNESS, DAMPING), both, strict=True):
-                    self._laws[rows, table, :m, :m] = slopes
+                by_e, by_rate = law.slopes(e, change / way, t)
+                self._laws[rows, STIFFNESS, :m, :m] = by_e
+                self._laws[rows, DAMPING, :m, :m] = by_rate
 
-    def _coordinates(self, g: Any, rows: IndexArray) -> list[Floats]:
-        """Coordinates (c, m) at the start, the end and where forces act, and their change."""
-        m = len(g.neutral[0])
-        found = self._laws[rows, NEUTRAL, FOUND : FOUND + 3, :m]
-        end, middle, change = found.swapaxes(0, 1)
+    def _in_step(self, g: Any, rows: IndexArray, memory: Floats) -> tuple[OwnLaw, list[Floats]]:
+        """The law of a group in this step, and coordinates (c, m).
+
+        These are at the start, at the end and where forces act; the last ones are their change.
+        """
+        m = g.kind.size
         start = self._columns[rows, XI0 : XI0 + m]
-        return [*(each - g.neutral for each in (start, end, middle)), change]
+        end, at, change = self._laws[rows, NEUTRAL, FOUND : FOUND + 3, :m].swapaxes(0, 1)
+        law = g.within(start, memory, 0.5 * self._h, self._scheme.at_end)
+        return law, [*(g.stretch(each) for each in (start, end, at)), change]
 
     def _fail(self) -> None:
         """No step is found with these."""
@@ -379,20 +384,20 @@ class CalledForces(Called):
 
     def _ended(self) -> Array:
         """Full turns and memories at the end of a step."""
-        out = []
-        for (g, rows), (_, memory) in zip(self._groups, self._kept, strict=True):
+        out = [np.zeros(0)]
+        for (g, rows), memory in zip(self._groups, self._memories, strict=True):
             out.append(np.rint(self._columns[rows, TURNED]).repeat(len(g.angles)))
-            if memory.size and isinstance(g.law, OwnLaw):
-                e0, e1, e, _ = self._coordinates(g, rows)
-                law = g.law.within(memory, 0.5 * self._h, e0 if self._scheme.at_end else None)
-                ends = e0, e if self._scheme.at_end else e1
-                out.append(law.remembered(*ends, self._time).ravel())
+            if memory.size:
+                law, (e0, e1, e, _) = self._in_step(g, rows, memory)
+                end = e if self._scheme.at_end else e1
+                out.append(law.remembered(e0, end, self._time).ravel())
         return np.concatenate(out)
 
     def turns(self, done: int) -> Array:
         """Full turns and memories (k, numbers) at the ends of k steps."""
-        log = [*self._log, self._ended()] if len(self._log) < done else self._log
-        return np.reshape(log[:done], (done, -1))
+        if len(self._log) < done:
+            self._log.append(self._ended())
+        return np.reshape(self._log[:done], (done, -1))
 
 
 class CalledBack(Called):
@@ -416,8 +421,7 @@ class CalledBack(Called):
         }
         super().__init__(lambda stage: stages[stage]())
         self._system, self._arrays = system, arrays
-        own = system.couplings.own[len(system.couplings.called) :]
-        self._couplings = system.couplings_of(own)
+        self._couplings = system.couplings_of(system.couplings.without_kernels)
         self._blocks = RowBlocks(system, self._couplings.pairs, plan, arrays)
 
     def begin(self, state: State, h: float, scheme: Scheme, rates0: Floats | None) -> None:

@@ -619,24 +619,23 @@ class CompiledStep(CompiledScene):
 
     def _couple(self, scheme: Scheme, h: float) -> None:
         """Force elements; those of own laws are called back."""
-        system, own = self.system, self.system.couplings.own
-        inside = system.couplings_of(system.couplings.items) if own else system.couplings
+        system, inside = self.system, self.system.couplings
+        if inside.own:
+            inside = system.couplings_of(inside.items)
         self._coupled: Coupled = Coupled(system, inside, self._a.coupled, scheme, h)
         self._next = Called(self._go_on)
         self._all[0][NEXT_LOADS] = self._next.address
-        called = len(system.couplings.called)
-        self._called_forces = None
-        if called:
-            self._called_forces = CalledForces(system, self._tree, self._a.coupled, scheme)
+        self._called_forces = CalledForces(
+            system, self._tree, self._a.coupled, scheme, len(inside.angles)
+        )
         self._called_back: CalledBack | None = None
-        if len(own) > called:
+        if system.couplings.without_kernels:
             self._called_back = CalledBack(system, self.plan, self._a)
             self._all[0][CALLED_BACK] = self._called_back.address
 
     def _go_on(self, k: int) -> None:
         """Start the k-th step after the first one that is solved in one go."""
-        if self._called_forces is not None:
-            self._called_forces.go_on(self._times[k])
+        self._called_forces.go_on(self._times[k])
         self._load_at(*self._times[k : k + 2])
 
     def _resist(self, h: float) -> None:
@@ -740,8 +739,7 @@ class CompiledStep(CompiledScene):
         self._a.p0[:] = state.p.reshape(-1, 3)
         if self.rates0 is not None:
             self._o.rates[:] = self.rates0.reshape(-1, 3)
-        if self._called_forces is not None:
-            self._called_forces.begin(state.turns, t, self.h)
+        self._called_forces.begin(state.turns, t, self.h)
         if self._called_back is not None:
             self._called_back.begin(state, self.h, scheme, self.rates0)
 
@@ -783,7 +781,7 @@ class CompiledStep(CompiledScene):
         """
         record, self._times = self._record, [state.time, *times.tolist()]
         varies = self._varies(state.time)
-        record[VARYING] = varies or self._called_forces is not None
+        record[VARYING] = varies or bool(self.system.couplings.called)
         solved = self._solved(state, len(times))
         done, n = int(record[DONE]), self.system.n
         if not done:
@@ -818,7 +816,7 @@ class CompiledStep(CompiledScene):
     def _turns(self, done: int) -> IndexArray:
         """Full turns and memories (k, numbers) of k steps; with laws called back of one."""
         found = [self._coupled.turns_of(self._o.log_turns[:done])]
-        if self._called_forces is not None and self.system.couplings.angles:
+        if self._called_forces.couplings.angles:
             found.append(self._called_forces.turns(done))
         own = None if self._called_back is None else self._called_back.turns()
         return np.hstack(found if own is None else [*found, own[None]])
@@ -856,7 +854,7 @@ class CompiledStep(CompiledScene):
         if isinstance(self._next.error, Exception):  # kept for the step itself
             self._failed, solved = (self._times[int(record[DONE])], self._next.error), True
             self._next.error = None
-        if self._called_forces is not None and isinstance(self._called_forces.error, Exception):
+        if isinstance(self._called_forces.error, Exception):
             self._called_forces.error = None  # the step itself will tell it
         for called in (self._next, self._called_forces, self._called_back):
             if called is not None:

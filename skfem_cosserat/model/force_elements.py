@@ -56,13 +56,10 @@ class LinearLaw:
         """Force (..., c, m) against a larger stretch: tension is positive."""
         return apply(self.K, e) + apply(self.C, rate)
 
-    def stiffness(self, e: Array, taut: bool) -> Array:
-        """Derivative (..., c, m, m) of the force by the stretch; `taut`: also of slack cables."""
-        return self.K if taut else self.K * self.acts(e)[..., None]
-
-    def damping(self, e: Array, taut: bool) -> Array:
-        """Derivative (..., c, m, m) of the force by the rate."""
-        return self.C if taut else self.C * self.acts(e)[..., None]
+    def slopes_at_rest(self, e: Array, taut: bool) -> tuple[Array, Array]:
+        """Derivatives (c, m, m) of the force by stretch and rate; `taut`: also of slack cables."""
+        acts = taut | self.acts(e)[..., None]
+        return self.K * acts, self.C * acts
 
     def acts(self, e: Array) -> Array:
         """Mask (..., c, m) of the stretches e with a force: a cable may be slack."""
@@ -181,9 +178,8 @@ class Invariants:
     def __init__(self, forms: Sequence[tuple[Form, ...]], row_of: RowOf) -> None:
         tables = [[_table(form, row_of) for form in each] for each in forms]
         owned = [sorted({a for table in each for ab in table for a in ab}) for each in tables]
-        R = max(len(rows) for rows in owned)
-        self.rows = np.array([rows + rows[:1] * (R - len(rows)) for rows in owned])
-        self.real = np.array([[k < len(rows) for k in range(R)] for rows in owned])
+        self.rows, self.real = _padded(owned)
+        R = self.rows.shape[1]
         self.A = np.zeros((len(forms), len(forms[0]), R, R))
         for c, (each, rows) in enumerate(zip(tables, owned, strict=True)):
             local = {row: i for i, row in enumerate(rows)}
@@ -232,9 +228,8 @@ class Positions:
             for each in vectors
         ]
         owned = [sorted({row for table in each for row, _ in table}) for each in tables]
-        R, k = max(map(len, owned)), len(tables[0])
-        self.rows = np.array([rows + rows[:1] * (R - len(rows)) for rows in owned])
-        self.real = np.array([[i < len(rows) for i in range(R)] for rows in owned])
+        self.rows, self.real = _padded(owned)
+        R, k = self.rows.shape[1], len(tables[0])
         #: weights (c, k, R) of the rows
         self._weights = np.zeros((len(tables), k, R))
         for c, (each, rows) in enumerate(zip(tables, owned, strict=True)):
@@ -256,6 +251,13 @@ class Positions:
     def rates(self, y: Array, ydot: Array) -> Array:
         """Their rates for rates ydot of all rows."""
         return self.values(ydot)
+
+
+def _padded(owned: list[list[int]]) -> tuple[IndexArray, Array]:
+    """Rows (c, R) of couplings, the first one again where there are fewer, and which are real."""
+    R = max(map(len, owned))
+    rows = np.array([each + each[:1] * (R - len(each)) for each in owned])
+    return rows, np.arange(R) < np.array([[len(each)] for each in owned])
 
 
 def _table(form: Form, row_of: RowOf) -> dict[tuple[int, int], float]:
@@ -285,11 +287,6 @@ def fits_kernels(item: Coupling, row_of: RowOf) -> bool:
     """Whether kernels have its coordinates: displacements before one of any kind, on two sides."""
     shifts = {c.kind for c in item.coordinates[:-1]} <= {"displacement", "position"}
     return shifts and item.size <= MOST_XI and len({row_of(p) for p in item.places()}) <= 2
-
-
-def _whole(item: Coupling) -> object:
-    """What it is a piece of."""
-    return getattr(item, "whole", item)
 
 
 def kind_of(coordinates: Sequence[RelativeCoordinate]) -> Kind:
@@ -350,6 +347,10 @@ class _Response:
     def __post_init__(self) -> None:
         self.forces = self.function(self.at)
 
+    def nodal(self) -> Array:
+        """Forces (c, R, 3) on the rows."""
+        return (self.forces.s[:, :, None, None] * self.gradients).sum(1)
+
     def slopes(self) -> Array:
         """Derivatives (c, k, K) of s by the invariants, by complex steps: exact to round-off."""
         steps = 1j * TINY * np.eye(self.at.shape[-1])[:, None]
@@ -391,7 +392,7 @@ class _Group:
         #: components that are angles, whose full turns count, and those of rotation vectors
         self.angles, self.vectors = (np.flatnonzero(kinds == k) for k in ("angle", "rotation"))
         # displacements count from the reference
-        self.origin = (kinds == "displacement") * self.kind.value(self.invariants.values(reference))
+        self.origin = (kinds == "displacement") * self.at(reference)[1]
         self.neutral += self.origin
         #: numbers of the actuators' channels, -1 for none
         self.channels = np.full((len(members), self.kind.size), -1)
@@ -403,6 +404,11 @@ class _Group:
         self.kept = inside[:, :, None] & inside[:, None, :]
         a = np.broadcast_to(self.invariants.rows[:, :, None], self.kept.shape)
         self.pairs = np.stack([a[self.kept], a.swapaxes(1, 2)[self.kept]], axis=-1)
+
+    def at(self, y: Array) -> tuple[Array, Array]:
+        """Invariants (..., c, k), and coordinates (..., c, m) of them."""
+        pi = self.invariants.values(y)
+        return pi, self.kind.value(pi)
 
     def stretch(self, xi: Array) -> Array:
         return self.sign * (xi - self.neutral)
@@ -484,25 +490,14 @@ class _Group:
             return self.law
         return self.law.within(memory, half, self.stretch(xi) if ends else None)
 
-    def check(self, y: Floats) -> None:
-        """Check the derivatives of an own law near a configuration."""
-        if isinstance(self.law, OwnLaw):
-            self.law.check(self.stretch(self.kind.value(self.invariants.values(y))))
-
-    def stiffness(self, y: Array, taut: bool = False) -> Array:
-        """``B^T K B`` with ``delta xi = B delta y``, at :attr:`pairs`; of a cable while taut."""
-        return self._by_rows(self.law.stiffness, y, taut)
-
-    def damping(self, y: Array, taut: bool = False) -> Array:
-        """``B^T C B`` at :attr:`pairs`; of a cable while taut."""
-        return self._by_rows(self.law.damping, y, taut)
-
-    def _by_rows(self, slope: Callable[[Array, bool], Array], y: Array, taut: bool) -> Array:
-        matrices = slope(self.stretch(self.kind.value(self.invariants.values(y))), taut)
-        J, gradients = self.kind.slope(self.invariants.values(y)), self.invariants.gradients(y)
+    def slopes_at_rest(self, y: Array, taut: bool) -> list[Array]:
+        """``B^T K B`` and ``B^T C B`` with ``delta xi = B delta y``, at :attr:`pairs`."""
+        (pi, xi), gradients = self.at(y), self.invariants.gradients(y)
         c, k, R, _ = gradients.shape
-        B = J @ gradients.reshape(c, k, 3 * R)
-        return (B.swapaxes(1, 2) @ matrices @ B).reshape(c, R, 3, R, 3).swapaxes(2, 3)[self.kept]
+        B = self.kind.slope(pi) @ gradients.reshape(c, k, 3 * R)
+        both = self.law.slopes_at_rest(self.stretch(xi), taut)
+        blocks = [(B.swapaxes(1, 2) @ each @ B).reshape(c, R, 3, R, 3) for each in both]
+        return [each.swapaxes(2, 3)[self.kept] for each in blocks]
 
     def tangent(self, response: _Response) -> Array:
         """Derivative of the force on row a by row b of y_1, at :attr:`pairs`; (k, 3, 3)."""
@@ -553,8 +548,7 @@ class CoupledForce:
         out = 0.0
         for r in self.responses:
             if r.group.law.force_of_load:
-                moved = change[r.group.invariants.rows]
-                out -= float((r.forces.s[:, :, None, None] * r.gradients * moved[:, None]).sum())
+                out -= float((r.nodal() * change[r.group.invariants.rows]).sum())
         return out
 
 
@@ -590,8 +584,10 @@ class Couplings:
 
     Attributes
     ----------
-    items, own : list of Coupling
-        Those that compiled kernels know, and forces by laws of the user's own.
+    items, own, all : list of Coupling
+        Those that compiled kernels know, forces by laws of the user's own, and both.
+    called, without_kernels : list of Coupling
+        Those of own laws: kernels have the coordinates of the former, and nothing of the latter.
     count : int
         Number of all.
     pairs : (k, 2) int array
@@ -613,15 +609,16 @@ class Couplings:
         length: float,
     ) -> None:
         self.items = [item for item in items if not item.own_law]
-        #: own laws of which kernels have the coordinates
         own = [item for item in items if item.own_law]
-        unfit = {id(_whole(item)) for item in own if not fits_kernels(item, row_of)}
-        self.called = [item for item in own if id(_whole(item)) not in unfit]
-        self.own = [*self.called, *(item for item in own if id(_whole(item)) in unfit)]
+        unfit = {id(item.whole) for item in own if not fits_kernels(item, row_of)}
+        self.called = [item for item in own if id(item.whole) not in unfit]
+        self.without_kernels = [item for item in own if id(item.whole) in unfit]
+        self.own = [*self.called, *self.without_kernels]
+        self.all = [*self.items, *self.own]
         self._free, self.count = free, len(items)
         families: dict[tuple[object, ...], list[Coupling]] = {}
-        for item in [*self.items, *self.own]:
-            law = id(_whole(item)) if item.own_law else item.slack
+        for item in self.all:
+            law = id(item.whole) if item.own_law else item.slack
             key = (law, *(c.kind for c in item.coordinates))
             families.setdefault(key, []).append(item)
         self.times: list[TimeFunction] = []
@@ -674,8 +671,9 @@ class Couplings:
         InputError
             If they are wrong.
         """
-        for group in self.groups:
-            group.check(y)
+        for g in self.groups:
+            if isinstance(g.law, OwnLaw):
+                g.law.check(g.stretch(g.at(y)[1]))
 
     # -- a step ----------------------------------------------------------------------------------
 
@@ -709,15 +707,11 @@ class Couplings:
         self, start: CoupledStart, mid: Array, y1: Array, decay: float = 0.0
     ) -> CoupledForce:
         """Forces that do the work ``V_1 - V_0``, but for dampers, actuators and `decay`."""
-        pairs = zip(self.groups, start.groups, strict=True)
-        responses = [g.discrete(s, start.h, mid, y1, decay) for g, s in pairs]
-        return self._assemble(responses)
+        return self._assemble(start, lambda g, s: g.discrete(s, start.h, mid, y1, decay))
 
     def midpoint(self, start: CoupledStart, mid: Array, y1: Array) -> CoupledForce:
         """Forces of the midpoint configuration: springs have the potential ``V(y_mid)``."""
-        pairs = zip(self.groups, start.groups, strict=True)
-        responses = [g.midpoint(s, start.h, mid, y1) for g, s in pairs]
-        return self._assemble(responses)
+        return self._assemble(start, lambda g, s: g.midpoint(s, start.h, mid, y1))
 
     def static(
         self, start: CoupledStart, y: Array, ydot: Array | None = None, share: float = 0.0
@@ -727,33 +721,24 @@ class Couplings:
         What is dissipated is a power then (W).
         """
         rates = np.zeros_like(y) if ydot is None else ydot
-        pairs = zip(self.groups, start.groups, strict=True)
-        responses = [g.static(s, y, rates, share) for g, s in pairs]
-        return self._assemble(responses)
+        return self._assemble(start, lambda g, s: g.static(s, y, rates, share))
 
     def pushed(self, y: Array, time: float) -> Array:
         """Forces (free rows, 3) of laws without a potential, at rest at y."""
-        laws = [g for g in self.groups if g.law.force_of_load]
         out = np.zeros_like(y)
-        for g in laws:
-            start = _Start(*self._at(g, y), np.zeros(g.channels.shape), time, g.law)
-            found = g.static(start, y, np.zeros_like(y), 0.0)
-            nodal = (found.forces.s[:, :, None, None] * found.gradients).sum(1)
-            np.subtract.at(out, g.invariants.rows, nodal)
+        for g in self.groups:
+            if g.law.force_of_load:
+                start = _Start(*g.at(y), np.zeros(1), time, g.law)
+                found = g.static(start, y, np.zeros_like(y), 0.0)
+                np.subtract.at(out, g.invariants.rows, found.nodal())
         return out[: self._free]
 
-    @staticmethod
-    def _at(group: _Group, y: Array) -> tuple[Array, Array]:
-        pi = group.invariants.values(y)
-        return pi, group.kind.value(pi)
-
-    def _assemble(self, responses: list[_Response]) -> CoupledForce:
+    def _assemble(
+        self, start: CoupledStart, response: Callable[[_Group, _Start], _Response]
+    ) -> CoupledForce:
+        responses = [response(g, s) for g, s in zip(self.groups, start.groups, strict=True)]
         if responses:
-            nodal = [
-                (r.forces.s[:, :, None, None] * r.gradients).sum(1).reshape(-1, 3)
-                for r in responses
-            ]
-            force = self._scatter @ np.concatenate(nodal)
+            force = self._scatter @ np.concatenate([r.nodal().reshape(-1, 3) for r in responses])
         else:
             force = np.zeros((self._total, 3))
         return CoupledForce(force, responses)
@@ -785,12 +770,12 @@ class Couplings:
         """
         out: list[Array] = []
         for g, s in zip(self.groups, start.groups, strict=True):
-            pi = g.invariants.values(y1)
-            xi = g.kind.value(pi)
-            turned = (g.kind.continued(pi, s.xi) - xi)[:, g.angles] / (2 * np.pi)
+            pi, xi = g.at(y1)
+            end = g.kind.continued(pi, s.xi)
+            turned = (end - xi)[:, g.angles] / (2 * np.pi)
             out.append(np.rint(turned).astype(np.int64).ravel())
             if g.memory.size and isinstance(s.law, OwnLaw):
-                ends = g.stretch(s.xi), g.stretch(g.kind.continued(pi, s.xi))
+                ends = g.stretch(s.xi), g.stretch(end)
                 out.append(s.law.remembered(*ends, s.time).ravel())
             jump = (abs(xi - s.xi)[:, g.vectors] > np.pi).any(1)
             for i in np.flatnonzero(jump):
@@ -811,14 +796,16 @@ class Couplings:
 
         `taut`: also of cables that are slack at y.
         """
-        return np.concatenate([np.zeros((0, 3, 3)), *(g.stiffness(y, taut) for g in self.groups)])
+        return self._slopes_at_rest(y, taut)[0]
 
     def damping(self, y: Array, taut: bool = False) -> Array:
-        """Damping of force elements by velocity b on row a, at :attr:`pairs`; (k, 3, 3).
+        """Damping of force elements by velocity b on row a, likewise."""
+        return self._slopes_at_rest(y, taut)[1]
 
-        `taut`: also of cables that are slack at y.
-        """
-        return np.concatenate([np.zeros((0, 3, 3)), *(g.damping(y, taut) for g in self.groups)])
+    def _slopes_at_rest(self, y: Array, taut: bool) -> Array:
+        """Both, (2, k, 3, 3)."""
+        own = [g.slopes_at_rest(y, taut) for g in self.groups]
+        return np.concatenate([np.zeros((2, 0, 3, 3)), *own], axis=1)
 
     @property
     def passive(self) -> list[Coupling]:
@@ -860,8 +847,6 @@ class Couplings:
 
     def due(self, turns: Array | None) -> float:
         """Instant (s) at which a law is sampled next; infinite if none is."""
-        if not any(g.law.period for g in self.groups):
-            return float(np.inf)
         kept = zip(self.groups, self.kept(turns), strict=True)
         found = [float(z[:, g.law.due].min()) for g, (_, z) in kept if g.law.period]
         return min(found, default=np.inf)
@@ -901,8 +886,7 @@ class Couplings:
         self.check_turns(turns)
         out = []
         for g, (own, memory) in zip(self.groups, self.kept(turns), strict=True):
-            pi = g.invariants.values(y)
-            xi = g.kind.value(pi)
+            pi, xi = g.at(y)
             if own.size:
                 xi[..., g.angles] += 2 * np.pi * own
             out.append((pi, xi, memory))

@@ -44,7 +44,7 @@ class OwnLaw:
     def __init__(self, members: Sequence[Coupling], length: float) -> None:
         own: Any = members[0]
         self.own, self.length, self.m = own, length, own.size
-        self._whole = getattr(own, "whole", own)
+        self._whole: Any = own.whole
         self.label = self._whole.label
         self.force_of_load = own.energy is None
         self._half = 0.0
@@ -76,31 +76,33 @@ class OwnLaw:
         other._memory, other._half, other._before = memory, half, before
         return other
 
-    def remembered(self, e0: Floats, e1: Floats, t: float) -> Floats:
-        """Memory (c, k) at the end of a step from e0 to e1, at whose time t the law is taken."""
+    def remembered(self, e0: Array, e1: Array, t: float) -> Array:
+        """Memory (n, k) at the end of a step from e0 to e1 (n, m); t: when the law is taken."""
+        start = self._at_start(len(e1))
         if not self._half:
-            return self._memory
-        at = 0.5 * (e0 + e1), (e1 - e0) / (2 * self._half)
+            return start
         middle = t if self._before is None else t - self._half
-        return 2 * self._middle(*at, middle) - self._memory
+        return 2 * self._middle(0.5 * (e0 + e1), (e1 - e0) / (2 * self._half), middle) - start
+
+    def _at_start(self, n: int) -> Floats:
+        """Memory (n, k) at the start of a step, for n rows of coordinates."""
+        return np.repeat(self._memory, n // len(self._memory), axis=0)
 
     def _middle(self, x: Array, v: Array, t: float) -> Array:
         """Memory (n, k) in the middle of a step, by the midpoint rule, for rows (n, m) there."""
-        (n, m), k = x.shape, self._memory.shape[1]
-        start = np.repeat(self._memory, n // len(self._memory), axis=0)
+        n, k = len(x), self._memory.shape[1]
+        start = self._at_start(n)
         z: Array = start
         if not self._half or self.period:
             return z
-        given: list[Array] = [np.repeat(each[:, None], 1 + k, axis=1) for each in (x, v)]
-        for each in given:
-            each[:, 1:] = each[:, 1:].real
+        # all rows, then complex steps of the memory of each
+        steps = 1j * TINY * np.tile(np.eye(k), (n, 1))
+        given = [np.concatenate([each, each.real.repeat(k, axis=0)]) for each in (x, v)]
         for _ in range(MOST):
-            moved = z[:, None] + np.zeros((1 + k, 1), dtype=complex)
-            moved[:, 1:] = z[:, None].real + 1j * TINY * np.eye(k)
-            rows = [*(each.reshape(-1, m) for each in given), moved.reshape(-1, k)]
-            rate = self._with_memory(rows, t)[1].reshape(n, 1 + k, k)
-            by_z = self._half * rate[:, 1:].imag.swapaxes(1, 2) / TINY
-            change: Array = start + self._half * rate[:, 0] - z
+            moved = np.concatenate([z, z.real.repeat(k, axis=0) + steps])
+            rate = self._with_memory([*given, moved], t)[1].reshape(-1, k)
+            by_z = self._half * rate[n:].imag.reshape(n, k, k).swapaxes(1, 2) / TINY
+            change: Array = start + self._half * rate[:n] - z
             done = not by_z.any()
             if not done:
                 change = np.linalg.solve(np.eye(k) - by_z, change[..., None])[..., 0]
@@ -150,9 +152,10 @@ class OwnLaw:
         n, real, count = len(rows[0]), not any(map(np.iscomplexobj, rows)), len(shapes)
         at = "" if t is None else f", at t = {t:.9g} s"
         found = self._called(name, rows, t, count)
-        if any(len(one) != count for one in found):
-            text = f"{name} gives {len(found[0])} arrays, expected {count}{at}"
-            raise InputError(self.label, text)
+        for one in found:
+            if len(one) != count:
+                text = f"{name} gives {len(one)} arrays, expected {count}{at}"
+                raise InputError(self.label, text)
         for each, shape in (pair for one in found for pair in zip(one, shapes, strict=True)):
             wanted = (n, *shape) if self.own.each else shape
             if each.shape != wanted or each.dtype.kind not in ("iuf" if real else "iufc"):
@@ -166,8 +169,8 @@ class OwnLaw:
                 given = (f"{v} = {x[k].tolist()}" for v, x in zip("xvz", rows, strict=False))
                 text = f"{name}{own} is {value.tolist()}, not finite{at}: {', '.join(given)}"
                 raise InputError(self.label, text)
-        pairs = enumerate(shapes)
-        return [np.array([one[k] for one in found]).reshape(n, *shape) for k, shape in pairs]
+        stacks = zip(zip(*found, strict=True), shapes, strict=True)
+        return [np.array(values).reshape(n, *shape) for values, shape in stacks]
 
     def _energies(self, e: Array) -> Array:
         (found,) = self._rows("energy", [()], [e.reshape(-1, self.m)], None)
@@ -179,18 +182,16 @@ class OwnLaw:
 
     def _law(self, e: Array, rate: Array, t: float) -> Array:
         """Forces (n, m) of the law at rows (n, m)."""
-        rows, before = [e, rate], self._before
         if not self.own.memory.size:
-            return self._rows("law", [self.own.shape], rows, t)[0].reshape(e.shape)
-        if before is None:
+            return self._rows("law", [self.own.shape], [e, rate], t)[0].reshape(e.shape)
+        if self._before is None:
             z = self._middle(e, rate, t)
         else:
-            before = np.repeat(before, len(e) // len(before), axis=0)
-            middle = 0.5 * (before + e), (e - before) / (2 * self._half), t - self._half
-            z = 2 * self._middle(*middle) - np.repeat(self._memory, len(e) // len(self._memory), 0)
-        return self._with_memory([*rows, z], t)[0].reshape(e.shape)
+            before = np.repeat(self._before, len(e) // len(self._before), axis=0)
+            z = self.remembered(before, e, t)
+        return self._with_memory([e, rate, z], t)[0].reshape(e.shape)
 
-    def slopes(self, e: Floats, rate: Floats, t: float) -> tuple[Floats, Floats]:
+    def _slopes_of_law(self, e: Floats, rate: Floats, t: float) -> tuple[Floats, Floats]:
         """Derivatives (c, m, m) of the law by e and rate, both (c, m)."""
         c, m = e.shape
         if self.own.derivative is not None:
@@ -217,14 +218,23 @@ class OwnLaw:
         """
         at, by_e = _one(e)
         rates, by_rate = _one(rate)
-        if not self.force_of_load:
-            force = self._stored.stress(at)
-            return force if by_e is None else force + 1j * apply(self._stored.tangent(at), by_e)
-        force = -self._law(at, rates, t)
+        force = -self._law(at, rates, t) if self.force_of_load else self._stored.stress(at)
         if by_e is None and by_rate is None:
             return force
         slopes = zip(self.slopes(at, rates, t), (by_e, by_rate), strict=True)
-        return force - 1j * sum(apply(K, by) for K, by in slopes if by is not None)
+        return force + 1j * sum(apply(K, by) for K, by in slopes if by is not None)
+
+    def slopes(self, e: Floats, rate: Floats, t: float) -> tuple[Floats, Floats]:
+        """Derivatives (c, m, m) of the force by the coordinates and by their rates."""
+        if not self.force_of_load:
+            by_e = self._stored.tangent(e)
+            return by_e, np.zeros_like(by_e)
+        by_e, by_rate = self._slopes_of_law(e, rate, t)
+        return -by_e, -by_rate
+
+    def slopes_at_rest(self, e: Floats, taut: bool) -> tuple[Floats, Floats]:
+        """The same at rest at t = 0."""
+        return self.slopes(e, np.zeros_like(e), 0.0)
 
     def discrete(
         self, e0: Array, e1: Array, h: float, t: float, decay: float = 0.0
@@ -245,39 +255,12 @@ class OwnLaw:
         """Force at the midpoint configuration; nothing is dissipated."""
         return self.force(e, rate, t), np.zeros(e.shape[:-1])
 
-    def tangents(
-        self,
-        ends: tuple[Floats, Floats],
-        at: tuple[Floats, Floats] | None,
-        h: float,
-        t: float,
-    ) -> tuple[Floats, Floats]:
-        """Derivatives (c, m, m) of the force by the coordinates and by their rate.
-
-        `at`: of the law, by these; None: of the discrete one, by the coordinates at the end.
-        """
+    def discrete_slopes(self, e0: Floats, e1: Floats, h: float, t: float) -> Floats:
+        """Derivative (c, m, m) of the discrete force by the coordinates at the end."""
         if not self.force_of_load:
-            by_e = (
-                self._stored.discrete_tangent(*ends) if at is None else self._stored.tangent(at[0])
-            )
-            return by_e, np.zeros_like(by_e)
-        mean = 0.5 * (ends[0] + ends[1]), (ends[1] - ends[0]) / h
-        by_e, by_rate = self.slopes(*(mean if at is None else at), t)
-        if at is None:
-            return -(0.5 * by_e + by_rate / h), np.zeros_like(by_e)
-        return -by_e, -by_rate
-
-    def stiffness(self, e: Array, taut: bool) -> Array:
-        """Derivative (c, m, m) of the force by the coordinates, at rest at t = 0."""
-        if not self.force_of_load:
-            return self._stored.tangent(e)
-        return -self.slopes(e, np.zeros_like(e), 0.0)[0]
-
-    def damping(self, e: Array, taut: bool) -> Array:
-        """Derivative (c, m, m) of the force by the rates, likewise."""
-        if not self.force_of_load:
-            return np.zeros((*e.shape, self.m))
-        return -self.slopes(e, np.zeros_like(e), 0.0)[1]
+            return self._stored.discrete_tangent(e0, e1)
+        by_e, by_rate = self.slopes(0.5 * (e0 + e1), (e1 - e0) / h, t)
+        return 0.5 * by_e + by_rate / h
 
     # -- a check before a run ----------------------------------------------------------------------
 
@@ -320,25 +303,19 @@ class OwnLaw:
 
     def _error(self, x: Floats, v: Floats) -> float:
         """Largest difference of derivatives, relative to the largest of its kind."""
-        if not self.force_of_load:
 
-            def values(x: Floats, v: Floats) -> Floats:
-                return self._stored.energy(x)[..., None]
+        def values(x: Floats, v: Floats) -> Floats:
+            return self._law(x, v, 0.0) if self.force_of_load else self._stored.energy(x)[:, None]
 
-            given = [self._stored.stress(x)[:, None, :]]
-        else:
-
-            def values(x: Floats, v: Floats) -> Floats:
-                return self._law(x, v, 0.0)
-
+        if self.force_of_load:
             values(x, v)  # what is wrong with it is said before complex numbers come
-            given = list(self.slopes(x, v, 0.0))
+            given = list(self._slopes_of_law(x, v, 0.0))
+        else:
+            given = [self._stored.stress(x)[:, None, :]]
+        scales = max(self.length, 1e-3 * float(abs(x).max())), max(1.0, float(abs(v).max()))
         worst = 0.0
         for kind, slopes in enumerate(given):
-            scale = (max(self.length, 1e-3 * float(abs(x).max())), max(1.0, float(abs(v).max())))[
-                kind
-            ]
-            step, other = SMALL * scale, np.empty_like(slopes)
+            step, other = SMALL * scales[kind], np.empty_like(slopes)
             for j in range(self.m):
                 ends = []
                 for sign in (1, -1):

@@ -174,7 +174,7 @@ def _anew(
         joints,
         loads,
         drives,
-        [*system.couplings.items, *system.couplings.own],
+        system.couplings.all,
         system.dampings,
     )
     with Notices(system.warnings) as notices:

@@ -232,7 +232,7 @@ class System(Pictured):
             self.joints,
             self.loads,
             self.drives,
-            [*self.couplings.items, *self.couplings.own],
+            self.couplings.all,
         )
         return _made, ((*items, self.dampings, self.placed, self.scene), self.plane, self.warnings)
 
