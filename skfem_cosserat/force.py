@@ -30,7 +30,8 @@ class Controller(Frozen):
 
     For the argument `law` of :class:`Force`. The instants are the multiples of a period, and the
     start of a run; :func:`simulate` cuts steps there. In loops of your own, as with :func:`steps`,
-    a law is sampled at the first step that begins then or later. At rest the forces are those
+    a law is sampled at the first step that begins then or later. :class:`Explicit` takes periods
+    that are multiples of its step. At rest the forces are those
     that are held: zero at first.
 
     Parameters
@@ -102,8 +103,8 @@ class Force(Coupling):
     memory : float or array, optional
         Of a law, at first: integral terms, hysteresis. ``law(x, v, t, z)`` then gives the forces
         and the rate of the memory z, an array of its shape; with `each` one for each place, (n,
-        ...). Steps take its mean, it is part of states and histories (``history["turns"]``), and
-        stays as it is in equilibria.
+        ...). Steps take its mean, it is part of states and histories (``history["turns"]``, whose
+        columns ``history.meta["turns"]`` names), and stays as it is in equilibria.
     each : bool
         The functions are for one place, or coordinate, but take many at once along a leading axis:
         x (n, 3), or (n,) of joints. All are evaluated together.
@@ -194,13 +195,13 @@ class Force(Coupling):
             raise InputError(self.label, f"acts on {no_place(where)}")
         return [where]
 
-    def controller(self, x: Any, v: Any, t: float, z: Any) -> Any:
+    def _sample(self, x: Any, v: Any, t: float, z: Any) -> Any:
         """Memory of a :class:`Controller` after it was sampled."""
         assert isinstance(self.law, Controller)
         out, size, function = z.copy(), x.size // z[..., 0].size, self.law.function
         before, kept = z.shape[:-1], z[..., size + 1 :]
         if self._own_memory:
-            forces, kept = function(x, v, t, kept.reshape(*before, *self._kept))
+            forces, kept = function(x, v, t, kept.reshape((*before, *self._kept)))
         else:
             forces = function(x, v, t)
         out[..., :size] = np.reshape(forces, (*before, size))

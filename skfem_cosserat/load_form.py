@@ -47,7 +47,9 @@ class _OnBasis(Force):
         self._weights: Floats = basis.lengths[:, None] * rule.weights
         arcs = basis.arc_lengths
         self._s: Floats = arcs[:, :1] + (arcs[:, -1:] - arcs[:, :1]) * rule.points
-        self._x: Floats = basis.mesh.mapping().F(rule.points[None])
+        origins = np.array([node.origin for node in nodes])[basis.connectivity]
+        # of the interpolated line, as phi is
+        self._x: Floats = np.einsum("eai,aq->ieq", origins, rule.values)
         super().__init__(vectors, each=True, **law)
 
     def with_replacements(self, replacements: Replacements) -> Self:
@@ -75,6 +77,9 @@ class _OnBasis(Force):
         }
         if v is not None:
             given |= {"velocity": self._by_points(v)[0], "t": t}
+        for array in given.values():
+            if isinstance(array, np.ndarray):
+                array.flags.writeable = False  # forms are called several times
         return FormExtraParams(given)
 
     def _by_points(self, x: Array) -> Array:
@@ -147,6 +152,9 @@ class LoadForm(_OnBasis):
         more = {} if derivative is None else {"derivative": self._slopes}
         super().__init__(beam, form, law=self._forces, **more)
 
+    #: whether that was looked at
+    _linear = False
+
     def _tested(self, form: Callable[[Any, Any], Any], w: Any) -> Array:
         """Coefficients (12, k elements, points) of the twelve components of v in a form."""
         found, seen = {}, None
@@ -155,6 +163,12 @@ class LoadForm(_OnBasis):
                 v = _Test(unit)
                 found[k] = self._checked(form(v, w), w.s.shape)
                 seen = seen or v.seen
+        if not self._linear:
+            twice = self._checked(form(_Test(np.full(12, 2.0)), w), w.s.shape)
+            off = abs(twice - 2 * sum(found.values()))
+            if (off > 1e-9 * abs(twice)).any():
+                raise InputError(self.label, "its form is not linear in v")
+            self._linear = True
         out = np.zeros((12, *w.s.shape), dtype=np.result_type(*found.values()))
         for k, values in found.items():
             out[k] = values

@@ -124,7 +124,7 @@ class JointServo(JointSpringDamper):
     def _force(self, x: Any, v: Any, t: float, z: Any = 0.0) -> Any:
         error = self.reference.value(t) - x
         asked = self.kp * error + self.kd * (_rate(self.reference, t) - v) + self.ki * z
-        most = np.inf if self.limit is None else self.limit
+        most = np.finfo(float).max if self.limit is None else self.limit
         free = abs(asked.real) <= most
         force = np.where(free, asked, most * np.sign(asked.real))
         if not self.ki:

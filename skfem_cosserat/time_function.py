@@ -439,7 +439,12 @@ def time_function(item: str, value: Amplitude, name: str = "amplitude") -> TimeF
         raise InputError(
             item, f"{name} = {value!r}, expected a number, a Table or a function of time"
         )
-    finite(item, name, value(0.0), "a number at t = 0.0")
+    try:
+        finite(item, name, value(0.0), "a number at t = 0.0")
+    except InputError:
+        raise
+    except Exception as error:
+        raise failed(item, f"its {name}", error, 0.0) from error
     return FunctionOfTime(value)
 
 

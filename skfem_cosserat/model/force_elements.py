@@ -380,7 +380,8 @@ class _Group:
             self.invariants = Invariants(forms, row_of)
         self.law: LinearLaw | OwnLaw
         if members[0].own_law:
-            self.law = OwnLaw(members, length)
+            turning = {c.kind for c in members[0].coordinates} & {"angle", "rotation"}
+            self.law = OwnLaw(members, 1.0 if turning else length)
         else:
             self.law = SlackLaw(members) if members[0].slack else LinearLaw(members)
         self.neutral = np.array([m.neutral for m in members])

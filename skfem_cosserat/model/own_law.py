@@ -127,7 +127,8 @@ class OwnLaw:
         self, name: str, rows: Sequence[Array], t: float | None, count: int
     ) -> list[list[Array]]:
         """Values of a function at rows (n, m) of each given array, `count` of each call."""
-        function, last = getattr(self.own, name), () if t is None else (t,)
+        function = getattr(self.own, "_sample" if name == "controller" else name)
+        last = () if t is None else (t,)
         shapes = self.own.shape, self.own.shape, self.own.memory.shape
         pairs = zip(rows, shapes, strict=False)
         shaped = [each.reshape(len(each), *shape).copy() for each, shape in pairs]
@@ -165,7 +166,9 @@ class OwnLaw:
             # the sum first: it takes a third of the time
             if not (cmath.isfinite(np.add.reduce(each, None)) or np.isfinite(each).all()):
                 k = int(np.argmin(np.isfinite(each.reshape(n, -1)).all(1))) if self.own.each else 0
-                value, own = (each[k], self.own.where(k)) if self.own.each else (each, "")
+                # complex steps of a place follow it
+                place = self.own.where(k * len(self._memory) // n) if self.own.each else ""
+                value, own = (each[k], place) if place else (each, "")
                 given = (f"{v} = {x[k].tolist()}" for v, x in zip("xvz", rows, strict=False))
                 text = f"{name}{own} is {value.tolist()}, not finite{at}: {', '.join(given)}"
                 raise InputError(self.label, text)
@@ -174,7 +177,8 @@ class OwnLaw:
 
     def _energies(self, e: Array) -> Array:
         (found,) = self._rows("energy", [()], [e.reshape(-1, self.m)], None)
-        return found.reshape(e.shape[:-1])
+        # without complex steps it does not change: the check of derivatives tells it
+        return found.reshape(e.shape[:-1]).astype(e.dtype)
 
     def _gradients(self, e: Array) -> Array:
         (found,) = self._rows("derivative", [self.own.shape], [e.reshape(-1, self.m)], None)

@@ -127,6 +127,9 @@ def test_drag_along_a_falling_rod(kernels):
         (lambda v, w: v[1] * np.where(w.s > 0.7, np.nan, 1.0), r"law in element 2 is .*not finite"),
         (lambda v, w: v[1] * abs(w.phi[1]), "derivatives differ"),
         (lambda v, w: v[1] * w.nothing, "nothing"),
+        (lambda v, w: v[1] ** 2, "not linear in v"),
+        (lambda v, w: v[1] + 1.0, "not linear in v"),
+        (lambda v, w: np.multiply(w.phi[1], 2.0, out=w.phi[1]) * v[1], "read-only"),
         (3.0, "expected a form"),
     ],
 )

@@ -224,6 +224,7 @@ def test_planar_scenes_have_obstacles():
 
 
 POINT = sc.MassPoint(1.0)
+HOLLOW = sc.Sphere((0, 0, 0), 1.0, inside=True)
 BAD = [
     (lambda: sc.Plane((0, 0, 0), (0, 0, 0)), r"plane: normal = \[0.0, 0.0, 0.0\]"),
     (lambda: sc.Cylinder((0, 0, 0), (0, 0, 1), -1.0), "cylinder: radius = -1.0"),
@@ -233,6 +234,7 @@ BAD = [
     (lambda: sc.Obstacle(FLOOR, POINT, 1.0, friction=-0.3), "obstacle: friction = -0.3"),
     (lambda: sc.Obstacle(FLOOR, POINT, 1.0, friction=0.3), "slip_speed = None, expected a pos"),
     (lambda: sc.Obstacle(FLOOR, [], 1.0), "obstacle: is against nothing"),
+    (lambda: sc.Obstacle(HOLLOW, POINT, 1.0, radius=2.0), "no room for a radius of 2 m"),
     (lambda: sc.Obstacle(FLOOR, sc.ground((0, 0, 0)), 1.0), "obstacle: is against <Place: ground"),
     (lambda: sc.Obstacle(FLOOR, sc.RigidBody(1.0, (1, 1, 1)), 1.0), "the rigid body, expected a p"),
 ]

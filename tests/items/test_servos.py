@@ -124,6 +124,52 @@ def test_a_sampled_law_is_held_between_its_instants(step, kernels):
         assert rest["q"][-1, 0] == pytest.approx(held(20), abs=1e-12)
 
 
+@pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.GeneralizedAlpha(0.8)])
+def test_schemes_start_anew_where_a_law_is_sampled(scheme):
+    """Against a pendulum on a sampled torque, integrated from instant to instant."""
+    model = sc.Model()
+    arm = model.add("arm", sc.RigidBody.box(1.0, (1.0, 0.1, 0.1), position=(0.5, 0, 0)))
+    foot = sc.ground((0, 0, 0)), arm.at((0, 0, 0))
+    hinge = model.add("hinge", sc.JointRevolute(*foot, axis=(0, 0, 1)))
+    model.add("weight", sc.LoadGravity((0, -9.81, 0)))
+    law = sc.Controller(PERIOD, lambda x, v, t: 40.0 * (0.5 - x) - 3.0 * v)
+    model.add("motor", sc.Force(hinge, law))
+    inertia, state = (1.01 / 12 + 0.25), np.zeros(2)
+    for _ in range(10):
+        torque = 40.0 * (0.5 - state[0]) - 3.0 * state[1]
+
+        def rates(t, y, torque=torque):
+            return [y[1], (torque - 0.5 * 9.81 * np.cos(y[0])) / inertia]
+
+        state = exact(rates, state, PERIOD)
+    ends = [run(model, PERIOD / k, 0.5, scheme)["joint/hinge/angle"][-1] for k in (5, 10)]
+    errors = abs(np.array(ends) - state[0])
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.15)
+
+
+def test_events_take_a_servo_away_and_bring_it():
+    """Its memory is kept by its name; the run goes on."""
+
+    def scene(servo):
+        model = sc.Model()
+        body = model.add("arm", sc.RigidBody.box(1.0, (1, 0.1, 0.1), position=(0.5, 0, 0)))
+        foot = sc.ground((0, 0, 0)), body.at((0, 0, 0))
+        hinge = model.add("hinge", sc.JointRevolute(*foot, axis=(0, 0, 1)))
+        if servo:
+            model.add("servo", sc.JointServo(hinge, 50.0, 5.0, ki=20.0, reference=1.0))
+        return model
+
+    both = scene(True), scene(False)
+    for first, second in (both, both[::-1]):
+        event = sc.Event(sc.ConditionTime(0.1), lambda t, view, then=second: then)
+        run = sc.EnergyMomentum(), sc.NullSpace(), 0.01
+        history = sc.simulate(first, *run, until=0.2, events=[event])
+        assert history.times[-1] == 0.2 and history.meta["status"] == "completed"
+        rate = history["joint/hinge/angle_rate"]
+        still = slice(12, None) if first is both[0] else slice(0, 11)
+        assert np.ptp(rate[still]) < 1e-9 < abs(np.ptp(rate))
+
+
 def test_a_sampled_law_keeps_a_state():
     """A filter of the position: what the function gives is there at the next instant."""
 
@@ -136,6 +182,9 @@ def test_a_sampled_law_keeps_a_state():
         force, z = law(x, v, 0, z)
         x, v = x + PERIOD * v + PERIOD**2 / 2 * force / MASS, v + PERIOD * force / MASS
     assert_allclose(run(model, 0.02)["q"][-1], x, atol=1e-12)
+
+    counting = slider(sc.Controller(PERIOD, lambda x, v, t, z: (0 * x, z + 1)), memory=0.0)
+    assert run(counting, 0.02)["turns"][-1, -1] == 20
 
 
 @pytest.mark.parametrize(("share", "grows"), [(0.98, False), (1.02, True)])
