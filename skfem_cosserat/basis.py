@@ -107,7 +107,8 @@ class DirectorBasis(CellBasis):
         self.order = p = kind.order
         #: shape functions at the points of the quadrature rule
         self.tabulated = kind.tabulated(*_checked_rule(quadrature)) if quadrature else kind.reduced
-        self.points, self.weights = self.tabulated.points, self.tabulated.weights
+        self.points = self.tabulated.points
+        self.weights = self.tabulated.weights
         ne = mesh.t.shape[1]
         nv = mesh.p.shape[1]
         self.n_nodes = nv + ne * (p - 1)

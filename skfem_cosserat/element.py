@@ -380,5 +380,4 @@ class ElementMotion(ElementVector):
 
     def __init__(self, order: int | Interpolation = 1):
         super().__init__(ElementLineLobatto(order), 6)
-        names = [f"{v}_{i}" for v in ("u", "theta") for i in (1, 2, 3)]
-        self.dofnames = names * self.elem.order
+        self.dofnames = [f"{v}_{i}" for v in ("u", "theta") for i in (1, 2, 3)] * self.elem.order

@@ -435,9 +435,7 @@ class StepBalance:
             lost = 0.5 * float((rates[0] * p).sum() - (v * new).sum())
             if system.moving:  # what it does along the way counts as work of the motion
                 lost += float((change * dq).sum()) / self.h
-            whole = work.dissipated + lost
-            own = work.numerical + lost
-            work = work._replace(dissipated=whole, numerical=own)
+            work = work._replace(dissipated=work.dissipated + lost, numerical=work.numerical + lost)
         rates = rates + np.array(s.moved)[:, None, None] * move
         return Finished(new, rates, -s.moved_force * change, work)
 

@@ -113,7 +113,8 @@ class StepProblem:
 
 #: scaled residual above which a converged step is looked at again, and the increment it may ask for
 #: then: more than that is no rounding, but a balance with jumps
-SOLVED, FURTHER = 1e-5, 1e-6
+SOLVED = 1e-5
+FURTHER = 1e-6
 #: steps in a row that compiled kernels leave to plain numpy, after which that is said
 LEFT = 20
 #: attempts at a step: (extrapolate the last increment, damped)
@@ -285,7 +286,8 @@ class Stepper:
         of = self._sizes.get(h)
         if of is None:
             of = self._sizes[h] = self._sizes.pop(next(iter(self._sizes)))
-            of.h, of.balance = h, self.integrator.single.balance(self.system, h)
+            of.h = h
+            of.balance = self.integrator.single.balance(self.system, h)
             if of.fast is not None:
                 of.fast = of.fast.resized(h)
         return of
@@ -430,7 +432,8 @@ class Stepper:
         """
         whole("argument steps", steps, 1)
         state = self.sampled(self.own(state, h is not None))
-        size, allowed = self.h, "a time (s) other than zero"
+        size = self.h
+        allowed = "a time (s) other than zero"
         if h is not None:
             size = real("argument h", "h", h, allowed)
             if not (size and isfinite(size)):
@@ -455,8 +458,7 @@ class Stepper:
         fast = self._sized(h).fast if steps > 1 and self.takes_blocks(state) else None
         due = fast is not None and fast.looped and fast.due(state, self.bound)
         if fast is not None and not (due or state.plain) and self.bound.regular:
-            most = min(steps, fast.most)
-            times = np.asarray(ends(state.index + np.arange(1, most + 1)), float)
+            times = np.asarray(ends(state.index + np.arange(1, min(steps, fast.most) + 1)), float)
             if self.system.moving:
                 pairs = enumerate(pairwise([state.time, *times.tolist()]))
                 times = times[: next((k for k, pair in pairs if self._ends_block(*pair)), None)]

@@ -185,8 +185,7 @@ def halved_arrays(mesh: MeshCurve, marked: IndexArray) -> dict[str, Any]:
     spans[1, left] = spans[0, right] = mesh.spans[:, marked].mean(0)
     points = mesh.p
     if len(marked):
-        middle = mesh.mapping().F(np.array([[0.5]]), marked)[:, :, 0]
-        points = np.concatenate([mesh.p, middle], 1)
+        points = np.concatenate([mesh.p, mesh.mapping().F(np.array([[0.5]]), marked)[:, :, 0]], 1)
     beams = None
     if mesh._subdomains is not None:
         beams = {k: np.flatnonzero(np.isin(parent, v)) for k, v in mesh.beams.items()}
@@ -399,7 +398,8 @@ class MeshCurve(Frozen, MeshLine1):
         self.curve_ids = ids
         self.spans = spans
         check_geometry(self)
-        self._boundaries, self._subdomains = locked(self._boundaries), locked(self._subdomains)
+        self._boundaries = locked(self._boundaries)
+        self._subdomains = locked(self._subdomains)
         super().__post_init__()
 
     def __repr__(self) -> str:

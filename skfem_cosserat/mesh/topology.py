@@ -79,8 +79,7 @@ class ChainOrder:
         """Each by itself."""
         parts = np.split(self.elements, self.first[1:-1])
         closed = self.closed.tolist()
-        owner = self.owner.tolist()
-        return [Chain(*each) for each in zip(parts, closed, owner, strict=True)]
+        return [Chain(*each) for each in zip(parts, closed, self.owner.tolist(), strict=True)]
 
     def side_by_side(self) -> Iterator[tuple[IndexArray, Array]]:
         """Elements (c, m) of all chains of one length m, and which of them (c,) are closed."""
@@ -106,7 +105,8 @@ def _neighbours(t: Array, owner: IndexArray) -> IndexArray:
     one = order[pairs]
     two = order[pairs + 1]
     out = np.full(2 * ne, -1)
-    out[one], out[two] = two, one
+    out[one] = two
+    out[two] = one
     return out.reshape(ne, 2).T
 
 

@@ -402,8 +402,7 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
 
 def led(X: Array, metric: csr_matrix) -> Array:
     """Shapes (unknowns, count) whose largest entries, by a metric, are positive."""
-    top = np.argmax(abs(X) * np.sqrt(metric.diagonal())[:, None], 0)
-    lead = X[top, np.arange(X.shape[1])]
+    lead = X[np.argmax(abs(X) * np.sqrt(metric.diagonal())[:, None], 0), np.arange(X.shape[1])]
     return X * (abs(lead) / lead)
 
 

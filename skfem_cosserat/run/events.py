@@ -37,10 +37,12 @@ from .sensors import View, Window
 LOCATED = 1e-10
 #: most steps that are tried to find the lowest point of a number within a step, and how close, of
 #: the step, two of them are to each other
-TRIALS, SAME = 16, 1e-5
+TRIALS = 16
+SAME = 1e-5
 #: how far a parabola may be wrong, of its second difference over a step and of the step: as much
 #: if the third derivative, times the step, is as large as the second one
-WRONG, ASIDE = 0.15, 0.2
+WRONG = 0.15
+ASIDE = 0.2
 
 #: number at the end of a step of this size (s), and the step
 Trial = Callable[[float], tuple[float, Block]]
