@@ -425,19 +425,6 @@ class _BetweenPlaces(Coupling):
         self.a = a
         self.b = b
 
-    def _along_line(self, length: float | None) -> Floats:
-        """Acts on the distance; gives the unstressed one."""
-        self.coordinates = (distance("distance", self.a, self.b),)
-        ends = self.a.at(0.0), self.b.at(0.0)
-        span = float(np.linalg.norm(ends[1] - ends[0]))
-        if span == 0:
-            raise InputError(
-                self.label,
-                f"both points are at {ends[0].tolist()} in the reference configuration: it has no"
-                " direction, use a Bushing (between frames), or springs to points beside it",
-            )
-        return np.array(positive(self.label, "length", span if length is None else length, " (m)"))
-
 
 class SpringDamper(_BetweenPlaces):
     """Spring and damper along the line between two points.
@@ -498,7 +485,17 @@ class SpringDamper(_BetweenPlaces):
             positive(self.label, "stiffness", stiffness, " (N/m)")
             if force is not None:
                 raise InputError(self.label, "takes no force, unlike a SpringDamper")
-        self._set_law(stiffness, damping, self._along_line(length), force)
+        self.coordinates = (distance("distance", a, b),)
+        ends = a.at(0.0), b.at(0.0)
+        span = float(np.linalg.norm(ends[1] - ends[0]))
+        if span == 0:
+            raise InputError(
+                self.label,
+                f"both points are at {ends[0].tolist()} in the reference configuration: it has no"
+                " direction, use a Bushing (between frames), or springs to points beside it",
+            )
+        rest = positive(self.label, "length", span if length is None else length, " (m)")
+        self._set_law(stiffness, damping, np.array(rest), force)
 
 
 class Cable(SpringDamper):

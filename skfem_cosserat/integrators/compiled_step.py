@@ -574,7 +574,17 @@ class CompiledStep(CompiledScene):
         if scheme.moved and system.m and NearestVelocity.serves(system):
             self._nearest = NearestVelocity(system, settings, source)
         self._viscous = [fields for fields in self._beams if "viscosity" in fields]
-        self._carry(scheme)
+        self._moves = bool(scheme.moved) and system.m > 0
+        counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
+        #: most steps in one go
+        self.most = max(1, min(STRIDE, TOGETHER // max(1, system.n)))
+        nearest = None if self._nearest is None else self._nearest.bound
+        viscous = self._viscous[0]["all_numbers"] if self._viscous else None
+        self._carried, arrays = bind.bound_carried(
+            coordinates, self._arrays, counts, nearest, self._normal, self.most, viscous
+        )
+        self._o = SimpleNamespace(**arrays)
+        self._set_rates(scheme)
         self._couple(scheme, h)
         self._resist(h)
         self._rows = np.zeros(0, np.int64)
@@ -598,19 +608,6 @@ class CompiledStep(CompiledScene):
             or (integrator.loses and 0 < scheme.weight < 1)  # forces at states take more than means
         )
         self._solve = self._entry()
-
-    def _carry(self, scheme: Scheme) -> None:
-        """Bind the arrays carried on from step to step, and set the scheme's numbers for them."""
-        self._moves = bool(scheme.moved) and self.system.m > 0
-        counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
-        #: most steps in one go
-        self.most = max(1, min(STRIDE, TOGETHER // max(1, self.system.n)))
-        nearest = None if self._nearest is None else self._nearest.bound
-        own = counts, nearest, self._normal, self.most
-        viscous = self._viscous[0]["all_numbers"] if self._viscous else None
-        self._carried, arrays = bind.bound_carried(self.coordinates, self._arrays, *own, viscous)
-        self._o = SimpleNamespace(**arrays)
-        self._set_rates(scheme)
 
     def _set_rates(self, scheme: Scheme) -> None:
         """Numbers of the scheme that its rates take, and the size of terms of momenta."""
@@ -769,19 +766,15 @@ class CompiledStep(CompiledScene):
             self._failed = None
             raise error
         if not (self._loaded and loading.constant):
-            self.load(self._factors_at(time))
+            after = time + self.h
+            at_end = self.scheme.at_end
+            self.load(loading.values(after) if at_end else loading.averages(time, after))
             self._loaded = True
         self._coupled.begin(time)
         if self.system.moving:  # exactly: it may jump there
             a.y0[rows:] = self.system.ground(time)
             a.ground1[:] = self.system.ground(end)
             self._grounds.append(a.ground1.copy())
-
-    def _factors_at(self, time: float) -> Floats:
-        """Factors of all loads' channels in a step that starts at a time (s)."""
-        loading = self.system.loading
-        end = time + self.h
-        return loading.values(end) if self.scheme.at_end else loading.averages(time, end)
 
     def takes_blocks(self, time: float) -> bool:
         """True if steps from this time (s) on can be solved in one go, several at a time."""
@@ -893,18 +886,15 @@ class CompiledStep(CompiledScene):
             self._farthest, self._travel, _ = a.found.tolist()
             self._travelled = float(record[TRAVELLED])
         if solved and (self.looped or record[FACTORED] > SHORT) and self._flipped():
-            return self._take_back(known or (self.looped and record[DONE] > 1))
+            # the last step is left to the general way: not solved
+            known = known or (self.looped and record[DONE] > 1)  # what the one before left
+            self.resume(a.before.ravel()[self._numbering] if known else None)
+            record[KEPT] = 0.0
+            record[DONE] -= 1
+            solved = False
         if not solved:
             self._travelled = np.inf
         return solved
-
-    def _take_back(self, known: bool) -> bool:
-        """Leave the last step to the general way: not solved. `known`: what the one before left."""
-        self.resume(self._a.before.ravel()[self._numbering] if known else None)
-        self._record[KEPT] = 0.0
-        self._record[DONE] -= 1
-        self._travelled = np.inf
-        return False
 
     def _flipped(self) -> bool:
         """True if a frame has turned by half a turn, with loops or with forces at the midpoint."""

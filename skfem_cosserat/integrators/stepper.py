@@ -73,15 +73,14 @@ class StepProblem:
             self.treatment.reduce(e.R, self.y1)
         data = self.treatment.matrix(self.balance.tangent(self.step, e), e.R, self.y1)
         direction = -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
-        more = self.balance.border(self.step, e)
-        return direction if more is None else self._updated(direction, *more)
-
-    def _updated(self, direction: Floats, U: Array, V: Array) -> Floats:
-        """Direction of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)."""
+        border = self.balance.border(self.step, e)
+        if border is None:
+            return direction
+        # of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)
+        U, V = border
         treatment = self.treatment
-        y = self.y1
         columns = [treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U]
-        moved = [treatment.displacement(x, y) for x in (*columns, direction)]
+        moved = [treatment.displacement(x, self.y1) for x in (*columns, direction)]
         products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
         factors = np.linalg.solve(np.eye(len(U)) + products[:, :-1], products[:, -1])
         return direction - np.array(columns).T @ factors
@@ -141,17 +140,6 @@ class _Size:
     balance: StepBalance
     fast: CompiledStep | None
     last: tuple[float, Array] | None = None
-
-
-def _check_methods(integrator: object, treatment: object) -> None:
-    """Raise InputError if they are no integrator and treatment; says if they are swapped."""
-    if isinstance(integrator, Treatment) and isinstance(treatment, Integrator):
-        raise InputError(
-            "arguments integrator, treatment",
-            f"are swapped: got {integrator!r}, {treatment!r}, expected the integrator first",
-        )
-    check_kind("argument integrator", integrator, Integrator, ", such as EnergyMomentum()")
-    check_kind("argument treatment", treatment, Treatment, ": NullSpace() or Multipliers()")
 
 
 @checked
@@ -223,7 +211,13 @@ class Stepper:
         announce: Callable[[str], object] | None = None,
     ):
         system = system_of(system)
-        _check_methods(integrator, treatment)
+        if isinstance(integrator, Treatment) and isinstance(treatment, Integrator):
+            raise InputError(
+                "arguments integrator, treatment",
+                f"are swapped: got {integrator!r}, {treatment!r}, expected the integrator first",
+            )
+        check_kind("argument integrator", integrator, Integrator, ", such as EnergyMomentum()")
+        check_kind("argument treatment", treatment, Treatment, ": NullSpace() or Multipliers()")
         if steps is not None:
             steps = min(whole("argument steps", steps, 0), 10**15)
         self.system, self.integrator, self.treatment = system, integrator, treatment

@@ -390,7 +390,19 @@ class ControlledSteps(Plan):
             if ratio <= 1:
                 self._accept(pair, ratio)
                 return block
-            self._reject(state, pair, ratio)
+            self._counts["rejected"] += 1
+            if pair <= 2 * self.smallest:
+                raise Diverged(
+                    state.time,
+                    state.index + 1,
+                    ratio,
+                    f"its error is {ratio:.3g} times what the tolerance of"
+                    f" {self.control.tolerance:g} allows for the smallest step",
+                    f"allow a smaller one than {self.smallest:g} s, or take a larger tolerance",
+                )
+            change = max(LEAST, SAFETY * (1 / ratio) ** (1 / self._order))
+            self._wanted = max(change * pair / 2, self.smallest)
+            self._held = True
 
     def _pair(self, time: float, due: float) -> tuple[float, float]:
         """Size of a pair of steps, and its end: no step is left that is much smaller."""
@@ -427,21 +439,6 @@ class ControlledSteps(Plan):
             return
         if not 1 / WORTHWHILE < change < WORTHWHILE:
             self._wanted = min(max(change * pair / 2, self.smallest), self.largest)
-
-    def _reject(self, state: State, pair: float, ratio: float) -> None:
-        self._counts["rejected"] += 1
-        if pair <= 2 * self.smallest:
-            raise Diverged(
-                state.time,
-                state.index + 1,
-                ratio,
-                f"its error is {ratio:.3g} times what the tolerance of {self.control.tolerance:g}"
-                " allows for the smallest step",
-                f"allow a smaller one than {self.smallest:g} s, or take a larger tolerance",
-            )
-        change = max(LEAST, SAFETY * (1 / ratio) ** (1 / self._order))
-        self._wanted = max(change * pair / 2, self.smallest)
-        self._held = True
 
     def summary(self) -> dict[str, Any]:
         """Sizes and numbers of the steps taken, and of those rejected."""
