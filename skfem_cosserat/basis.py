@@ -107,7 +107,8 @@ class DirectorBasis(CellBasis):
         self.order = p = kind.order
         #: shape functions at the points of the quadrature rule
         self.tabulated = kind.tabulated(*_checked_rule(quadrature)) if quadrature else kind.reduced
-        self.points, self.weights = self.tabulated.points, self.tabulated.weights
+        self.points = self.tabulated.points
+        self.weights = self.tabulated.weights
         ne = mesh.t.shape[1]
         nv = mesh.p.shape[1]
         self.n_nodes = nv + ne * (p - 1)
@@ -417,13 +418,6 @@ def _checked_rule(quadrature: tuple[Any, Any]) -> tuple[Floats, Floats]:
 # -- forms of ready-made element arrays, error norms -----------------------------------------------
 
 
-def _local_dofs(basis: Any) -> IndexArray:
-    """Degrees of freedom (ne, k) of elements in the order of element arrays."""
-    if isinstance(basis, DirectorBasis):
-        return basis.element_dof_rows
-    return np.asarray(basis.element_dofs, np.int64).T
-
-
 class ElementForm(Form):
     """A form whose element arrays come ready-made from a function.
 
@@ -469,25 +463,20 @@ class ElementForm(Form):
         """Indices, data, shape and local shape for ``COOData``."""
         form = self.form
         name = getattr(form, "__name__", "form")
-        dofs = _local_dofs(basis)
+        own = isinstance(basis, DirectorBasis)
+        dofs = basis.element_dof_rows if own else np.asarray(basis.element_dofs, np.int64).T
         ne, k = dofs.shape
         local = np.asarray(form(basis, **params))
-        if local.shape != (ne,) + (k,) * self.rank:
-            raise InputError(
-                f"form '{name}'",
-                f"returned shape {local.shape}, expected {(ne,) + (k,) * self.rank}",
-            )
-        axes = [np.broadcast_to(_axis(dofs, r, self.rank), local.shape) for r in range(self.rank)]
-        indices = np.array([np.moveaxis(axis, 0, -1).ravel() for axis in axes])
+        shape = (ne,) + (k,) * self.rank
+        if local.shape != shape:
+            raise InputError(f"form '{name}'", f"returned shape {local.shape}, expected {shape}")
+        # degrees of freedom (ne, 1.., k, ..1) along each of the local axes
+        axes = (dofs.reshape(ne, *each) for each in np.where(np.eye(self.rank), k, 1))
+        indices = np.array(
+            [np.moveaxis(np.broadcast_to(axis, shape), 0, -1).ravel() for axis in axes]
+        )
         data = np.moveaxis(local, 0, -1).ravel()
         return indices, data, (int(basis.N),) * self.rank, (k,) * self.rank
-
-
-def _axis(dofs: IndexArray, axis: int, rank: int) -> IndexArray:
-    """Degrees of freedom (ne, 1.., k, ..1) along one of the local axes."""
-    shape = [1] * rank
-    shape[axis] = dofs.shape[1]
-    return dofs.reshape(len(dofs), *shape)
 
 
 class ElementMatrix(ElementForm):

@@ -375,13 +375,12 @@ class Beam(LineItem):
 
     def _elements(self) -> BeamElements:
         basis = self.basis
-        same = bool((self.rotations == np.eye(3)).all())
         out = BeamElements.create(
             self.gather(self.reference),
             basis.lengths,
             basis.tabulated,
             self.section_points(np.arange(self.mesh.nelements), basis.tabulated.points),
-            None if same else self.rotations,
+            None if (self.rotations == np.eye(3)).all() else self.rotations,
         )
         out.reference += self.strains_at(np.arange(self.mesh.nelements), out.points)
         return out
@@ -736,7 +735,8 @@ class Beam(LineItem):
         weighted = np.einsum("eg,ag,bg,egkl->eabkl", measure, values, values, density)
         # (phi, d1, d2) of the section by those of the node: d_k = Lambda_kj d_j
         own = np.zeros((ne, nn, 3, 4))
-        own[:, :, 0, 0], own[:, :, 1:, 1:] = 1, self.rotations[:, :, :2]
+        own[:, :, 0, 0] = 1
+        own[:, :, 1:, 1:] = self.rotations[:, :, :2]
         out = np.einsum("eaki,eabkl,eblj->eaibj", own, weighted, own, optimize=True)
         out = out.reshape(ne, 4 * nn, 4 * nn)
         return 0.5 * (out + out.transpose(0, 2, 1))

@@ -116,7 +116,8 @@ class Coupling(Item):
         if self.force is None or self.own_law:
             return [self]
         own = loosened(copy(self))
-        own.own_law, own.part_of = True, self
+        own.own_law = True
+        own.part_of = self
         vars(own)["name"] = f"{self.name}/force"
         return [self, own]
 
@@ -137,9 +138,11 @@ class Coupling(Item):
     def _set_law(
         self, stiffness: Any, damping: Any, neutral: Any, force: SpringForce = None
     ) -> None:
-        self.force, self.shape = force, (self.size,) * (self.size > 1)
+        self.force = force
+        self.shape = (self.size,) * (self.size > 1)
         if isinstance(force, Table) and self.size == 1:
-            self.energy, self.derivative = force.integral, force.extended
+            self.energy = force.integral
+            self.derivative = force.extended
         elif callable(force) and not isinstance(force, TimeFunction):
             self.law = partial(_against, force)
         elif force is not None:
@@ -162,7 +165,8 @@ class Coupling(Item):
 
     def _matrix(self, name: str, value: Any) -> Floats:
         """(m, m) from a number for all components or a matrix."""
-        array, m = numbers(self.label, name, value), self.size
+        array = numbers(self.label, name, value)
+        m = self.size
         if array.shape not in ((), (m, m)):
             expected = "a number" + ("" if m == 1 else f" or ({m}, {m})")
             raise InputError(self.label, f"{name} has shape {array.shape}, expected {expected}")
@@ -206,7 +210,8 @@ def semidefinite(item: str, name: str, array: Floats) -> Floats:
     """The array, if it is a finite, symmetric, positive semidefinite matrix."""
     if not np.isfinite(array).all():
         raise InputError(item, f"{name} = {array.tolist()} is not finite")
-    size, out = float(abs(array).max()), symmetric(item, name, array)
+    size = float(abs(array).max())
+    out = symmetric(item, name, array)
     lowest = float(np.linalg.eigvalsh(array)[0])
     if lowest < -1e-12 * size:
         raise InputError(
@@ -221,7 +226,8 @@ class _OnJoint(Coupling):
         if not isinstance(joint, Joint):
             raise InputError(self.label, f"joint is {joint!r}, expected a joint of the model")
         self.joint = joint
-        self.a, self.b = joint.a, joint.b
+        self.a = joint.a
+        self.b = joint.b
         self.coordinates = (self._coordinate_of(joint, coordinate),)
 
     def references(self) -> Sequence[Item]:
@@ -344,7 +350,8 @@ class JointLimits(Composed):
             raise InputError(self.label, f"lower = {lower}, expected less than upper = {upper}")
         positive(self.label, "stiffness", stiffness, " (N/m or N m/rad)")
         self.joint, self.lower, self.upper, self.coordinate = joint, lower, upper, coordinate
-        self.stiffness, self.damping = stiffness, damping
+        self.stiffness = stiffness
+        self.damping = damping
         self._made = {}
         for name, sign, end in (("lower", -1.0, lower), ("upper", 1.0, upper)):
             if end is not None:
@@ -415,20 +422,8 @@ class _BetweenPlaces(Coupling):
 
     def __init__(self, a: Place, b: Place) -> None:
         check_sides(self.label, a, b, self.framed_sides, "SpringDamper")
-        self.a, self.b = a, b
-
-    def _along_line(self, length: float | None) -> Floats:
-        """Acts on the distance; gives the unstressed one."""
-        self.coordinates = (distance("distance", self.a, self.b),)
-        ends = self.a.at(0.0), self.b.at(0.0)
-        span = float(np.linalg.norm(ends[1] - ends[0]))
-        if span == 0:
-            raise InputError(
-                self.label,
-                f"both points are at {ends[0].tolist()} in the reference configuration: it has no"
-                " direction, use a Bushing (between frames), or springs to points beside it",
-            )
-        return np.array(positive(self.label, "length", span if length is None else length, " (m)"))
+        self.a = a
+        self.b = b
 
 
 class SpringDamper(_BetweenPlaces):
@@ -490,7 +485,17 @@ class SpringDamper(_BetweenPlaces):
             positive(self.label, "stiffness", stiffness, " (N/m)")
             if force is not None:
                 raise InputError(self.label, "takes no force, unlike a SpringDamper")
-        self._set_law(stiffness, damping, self._along_line(length), force)
+        self.coordinates = (distance("distance", a, b),)
+        ends = a.at(0.0), b.at(0.0)
+        span = float(np.linalg.norm(ends[1] - ends[0]))
+        if span == 0:
+            raise InputError(
+                self.label,
+                f"both points are at {ends[0].tolist()} in the reference configuration: it has no"
+                " direction, use a Bushing (between frames), or springs to points beside it",
+            )
+        rest = positive(self.label, "length", span if length is None else length, " (m)")
+        self._set_law(stiffness, damping, np.array(rest), force)
 
 
 class Cable(SpringDamper):
@@ -584,7 +589,8 @@ class _Support(Coupling):
     kind = "foundation"
 
     def __init__(self, place: Place, stiffness: Floats, damping: Floats) -> None:
-        self.a, self.b = ground(place.position), place
+        self.a = ground(place.position)
+        self.b = place
         self.coordinates = _shifts(self.a, self.b)
         self._set_law(stiffness, damping, 0.0)
 
@@ -643,14 +649,16 @@ class Foundation(Composed):
         part: str | None = None,
     ) -> None:
         check_beam(self.label, beam)
-        self.beam, self.part = beam, part
+        self.beam = beam
+        self.part = part
         self.tensors = tuple(
             self._tensor(name, value)
             for name, value in (("stiffness", stiffness), ("damping", damping))
         )
         k, c = self.tensors
         elements = beam.part(part)
-        nodes, lengths = beam.basis.connectivity[elements], beam.basis.elemental_load(elements)
+        nodes = beam.basis.connectivity[elements]
+        lengths = beam.basis.elemental_load(elements)
         weights = np.bincount(nodes.ravel(), lengths.ravel())
         # springs on nodes, in proportion to their lengths
         self._made = {

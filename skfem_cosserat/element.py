@@ -340,7 +340,18 @@ class ElementLineLobatto(ElementH1):
         return shape_functions(nodes, X[0])[a], shape_derivatives(nodes, X[0])[a][None]
 
 
-class ElementDirector(ElementVector):
+class _ElementVectors(ElementVector):
+    """Base of elements with some vectors of three components a node."""
+
+    _vectors: tuple[str, ...]
+
+    def __init__(self, order: int | Interpolation = 1):
+        names = [f"{v}_{i}" for v in self._vectors for i in (1, 2, 3)]
+        super().__init__(ElementLineLobatto(order), len(names))
+        self.dofnames = names * self.elem.order
+
+
+class ElementDirector(_ElementVectors):
     """Twelve components a node, ``q = (phi, d1, d2, d3)``, on Gauss-Lobatto points.
 
     ``basis.get_dofs("tip").all(["phi_1", "d3_2"])`` finds single components by name.
@@ -356,13 +367,10 @@ class ElementDirector(ElementVector):
     ['phi_3', 'd1_1', 'd1_2']
     """
 
-    def __init__(self, order: int | Interpolation = 1):
-        super().__init__(ElementLineLobatto(order), 12)
-        names = [f"{v}_{i}" for v in ("phi", "d1", "d2", "d3") for i in (1, 2, 3)]
-        self.dofnames = names * self.elem.order
+    _vectors = "phi", "d1", "d2", "d3"
 
 
-class ElementMotion(ElementVector):
+class ElementMotion(_ElementVectors):
     """Six components a node, displacements u and small rotations theta, on the same points.
 
     ``basis.get_dofs("tip").all(["u_1", "theta_2"])`` finds single components by name.
@@ -378,7 +386,4 @@ class ElementMotion(ElementVector):
     ['u_3', 'theta_1', 'theta_2']
     """
 
-    def __init__(self, order: int | Interpolation = 1):
-        super().__init__(ElementLineLobatto(order), 6)
-        names = [f"{v}_{i}" for v in ("u", "theta") for i in (1, 2, 3)]
-        self.dofnames = names * self.elem.order
+    _vectors = "u", "theta"

@@ -143,8 +143,7 @@ class Joint(Item):
         rest = self.gap(x_b - x_a)
         gap = float(np.linalg.norm(rest))
         # coordinates far from the origin are known to their own rounding only
-        rounding = 1e-15 * (abs(x_a).max() + abs(x_b).max())
-        if gap > TOLERANCE * length + rounding:
+        if gap > TOLERANCE * length + 1e-15 * (abs(x_a).max() + abs(x_b).max()):
             raise InputError(
                 self.label,
                 f"does not close in the reference configuration at t = {t:g} s: {self.a.label} and"
@@ -618,8 +617,7 @@ class JointFixed(Joint):
         """Spherical, and three products of one triad seen from both sides."""
         a = axes(self.a)
         b = axes(self.b)
-        products = [Product(a[i], b[(i + 1) % 3]) for i in range(3)]
-        return [self._coincide(), *products]
+        return [self._coincide(), *[Product(a[i], b[(i + 1) % 3]) for i in range(3)]]
 
     def freedom(self) -> Freedom:
         """Nothing."""

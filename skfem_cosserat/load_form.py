@@ -36,7 +36,8 @@ class _OnBasis(Force):
         if not callable(self.form):
             raise InputError(self.label, f"form = {form!r}, expected a form or a function")
         basis = beam.basis
-        rule, nodes = basis.interpolation.full, [beam.node(k) for k in range(basis.n_nodes)]
+        rule = basis.interpolation.full
+        nodes = [beam.node(k) for k in range(basis.n_nodes)]
         vectors = [
             Expression(tuple((nodes[a], i, float(N)) for a, N in zip(own, values, strict=True)))
             for own in basis.connectivity.tolist()
@@ -85,8 +86,7 @@ class _OnBasis(Force):
     def _by_points(self, x: Array) -> Array:
         """Vectors (n k, 4, 3) as forms take them: (4, 3, k elements, points)."""
         ne, nq = self._weights.shape
-        own = x.reshape(ne, nq, -1, 4, 3).transpose(3, 4, 2, 0, 1)
-        return own.reshape(4, 3, -1, nq)
+        return x.reshape(ne, nq, -1, 4, 3).transpose(3, 4, 2, 0, 1).reshape(4, 3, -1, nq)
 
     def _by_rows(self, found: Array) -> Array:
         """Values (..., k elements, points) with their weights, (n k, ...)."""
@@ -148,7 +148,8 @@ class LoadForm(_OnBasis):
     kind = "form"
 
     def __init__(self, beam: Beam, form: Any, derivative: Callable[..., Any] | None = None) -> None:
-        self._given, self._more = derivative, (derivative,)
+        self._given = derivative
+        self._more = (derivative,)
         more = {} if derivative is None else {"derivative": self._slopes}
         super().__init__(beam, form, law=self._forces, **more)
 
@@ -157,7 +158,8 @@ class LoadForm(_OnBasis):
 
     def _tested(self, form: Callable[[Any, Any], Any], w: Any) -> Array:
         """Coefficients (12, k elements, points) of the twelve components of v in a form."""
-        found, seen = {}, None
+        found = {}
+        seen = None
         for k, unit in enumerate(np.eye(12)):
             if seen is None or k in seen:
                 v = _Test(unit)
@@ -175,8 +177,7 @@ class LoadForm(_OnBasis):
         return out
 
     def _forces(self, x: Array, v: Array, t: float) -> Array:
-        found = self._tested(self.form, self._fields(x, v, t))
-        return self._by_rows(found).reshape(-1, 4, 3)
+        return self._by_rows(self._tested(self.form, self._fields(x, v, t))).reshape(-1, 4, 3)
 
     def _slopes(self, x: Array, v: Array, t: float) -> tuple[Array, Array]:
         assert self._given is not None
@@ -196,7 +197,8 @@ class _Test:
     """A unit vector in place of test functions; knows which of its components are asked for."""
 
     def __init__(self, unit: Floats) -> None:
-        self._unit, self.seen = unit.reshape(12, 1, 1), set[int]()
+        self._unit = unit.reshape(12, 1, 1)
+        self.seen = set[int]()
 
     def __getitem__(self, key: Any) -> Array:
         self.seen.update(np.atleast_1d(np.arange(12)[key]).tolist())

@@ -286,7 +286,8 @@ def rotation(name: str, a: Place, b: Place) -> RelativeCoordinate:
     are ``sin(theta) n_k = eps_kij D_ji / 2`` and ``cos(theta) = (tr D - 1)/2``; the constant is
     left out of the form.
     """
-    A, B = axes(a), axes(b)
+    A = axes(a)
+    B = axes(b)
     sines = tuple(
         (
             Product(A[(k + 2) % 3], B[(k + 1) % 3], 0.5),

@@ -152,7 +152,8 @@ def _beam(source: Beam, target: Beam, y: Floats, ydot: Floats) -> tuple[Floats, 
     spin = spins(now, rate)
     own = target.reference.reshape(-1, 4, 3)[nodes]
     moved, moving = _moved(now, rate, start, turn, spin, own)
-    reference, (met, node) = source.reference.reshape(1, -1, 4, 3), _met(source, e, x)
+    reference = source.reference.reshape(1, -1, 4, 3)
+    met, node = _met(source, e, x)
     k = node[met]  # a node of both keeps its numbers
     same = (abs(own[met] - reference[0, k]).max((1, 2)) <= SAME)[:, None, None]
     moved[:, met] = np.where(same, q[:, k], moved[:, met])
@@ -420,7 +421,8 @@ class SectionPlaces:
 
         `motion`: as for :func:`element_balances`.
         """
-        beam, (t, amplitudes, *_) = self.beam, motion
+        beam = self.beam
+        t, amplitudes, *_ = motion
         (found,) = element_balances(system, [beam], q, *motion, viscous=False)
         factors = load_factors(system, t, amplitudes, len(found.force))
         strains = section_strains(system, beam, q)

@@ -210,7 +210,8 @@ def _strains_under(beam: Beam, strains: Floats, free: Floats, forces: Floats) ->
 
 def _strained(moduli: Array, gap: Array, held: list[int]) -> Array:
     """Strains (..., 6) by forces and moments that are missing, none of those that are held."""
-    moduli[..., held, held], gap[..., held] = 1.0, 0.0
+    moduli[..., held, held] = 1.0
+    gap[..., held] = 0.0
     return np.linalg.solve(moduli, gap[..., None])[..., 0]
 
 

@@ -26,7 +26,8 @@ from ..types import ArrayLike, Floats, largest, spread
 from .resolution import ENOUGH
 
 #: instants of a step, and of the steps that are looked at together, at which functions are asked
-INSIDE, LOOKS = 16, 4096
+INSIDE = 16
+LOOKS = 4096
 #: part of what a function does that steps may miss: that of vibrations of less than six steps
 MISSED = 0.1
 #: part of a function's range up to which it does not jump
@@ -234,7 +235,8 @@ def jumps(system: System, history: History) -> Floats:
     """
     if len(history) < 2:
         return np.zeros(0)
-    h, (start, end) = _step(history), history.times[[0, -1]]
+    h = _step(history)
+    start, end = history.times[[0, -1]]
     times = np.linspace(start, end, 1 + min(LOOKS // INSIDE, max(1, int((end - start) / h))))
     found = list[float]()
     for each in _entering(system, True):

@@ -504,8 +504,7 @@ class Projection:
         Rows of p that are NaN (not known) give NaN.
         """
         v = self.velocities(q, p, t)
-        known = np.isfinite(v).all(1, keepdims=True)
-        return v, np.where(known, momentum(self.system, v), np.nan)
+        return v, np.where(np.isfinite(v).all(1, keepdims=True), momentum(self.system, v), np.nan)
 
     def velocities(self, q: Floats, p: Floats, t: ArrayLike) -> Floats:
         """Velocities (N, n) of :meth:`stack` alone."""

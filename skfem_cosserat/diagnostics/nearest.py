@@ -76,7 +76,8 @@ def motions_out_of_plane(system: System, count: int) -> csr_matrix:
     if system.plane is None:
         return csr_matrix((0, 6 * count))
     out_of = np.zeros((3, 6))
-    out_of[0, :3], out_of[1:, 3:] = system.plane.normal, system.plane.axes
+    out_of[0, :3] = system.plane.normal
+    out_of[1:, 3:] = system.plane.axes
     return csr_matrix(kron(identity(count), out_of))
 
 

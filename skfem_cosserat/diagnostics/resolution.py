@@ -27,10 +27,12 @@ from .stacked import driven_alternation
 
 #: steps over which errors add up, and the error that these make, relative to the way that the scene
 #: covers, above which a run is doubtful: set on one half of sixty random scenes
-STEPS, MOST_OFF = 50, 0.08
+STEPS = 50
+MOST_OFF = 0.08
 #: neighbouring states of a window that is looked at, and the least that tell of an error (fifth
 #: differences)
-STATES, ENOUGH = 12, 6
+STATES = 12
+ENOUGH = 6
 #: part of a scene's length that is no motion
 NOISE = 1e-7
 #: Newton iterations of a step that is looked at for other solutions (most take two to five, some

@@ -126,8 +126,7 @@ def rates(system: System, v: ArrayLike, t: ArrayLike) -> Floats:
 
 def at_place(system: System, y: Floats, place: Place) -> Floats:
     """Position (k, 3) of a place by all rows y (k, total, 3), or its velocity by their rates."""
-    terms = system.kinematics.spot_terms(system.spot(place))
-    return np.asarray(sum(c * y[:, a] for a, c in terms))
+    return np.asarray(sum(c * y[:, a] for a, c in system.kinematics.spot_terms(system.spot(place))))
 
 
 def _with_ground(

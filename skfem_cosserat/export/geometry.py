@@ -43,8 +43,7 @@ def frames(q: ArrayLike, offsets: ArrayLike) -> tuple[Floats, Floats]:
     >>> phi.tolist(), d[0, 2].tolist()
     ([[0.0, 1.0, 2.0]], [9.0, 10.0, 11.0])
     """
-    start = np.asarray(offsets, np.int64).reshape(-1, 1)
-    values = np.asarray(q, float)[..., start + np.arange(12)]
+    values = np.asarray(q, float)[..., np.asarray(offsets, np.int64).reshape(-1, 1) + np.arange(12)]
     return values[..., :3], _triads(values[..., 3:])
 
 
@@ -183,7 +182,8 @@ class BeamShape:
     def spread(self, values: Floats) -> Floats:
         """Values (k, ne, 2, c) at ends as those of the points (k, m, c), linear between."""
         out = np.empty((len(values), len(self.origin), values.shape[-1]))
-        out[:, self._inner], out[:, self.ends] = self.linear[1:-1] @ values, values
+        out[:, self._inner] = self.linear[1:-1] @ values
+        out[:, self.ends] = values
         return out
 
     def _evaluate(self, nodal: Floats, local: Floats) -> Floats:
@@ -337,7 +337,8 @@ class Surface:
 
     def shared(self) -> tuple[IndexArray, IndexArray]:
         """Points that stay, and the number of each point among them, if elements share `ends`."""
-        ends, (element, station, number) = self._shape.ends, self._places
+        ends = self._shape.ends
+        element, station, number = self._places
         count = self._shape.order + 1
         rings = ends.max() + 1 + np.arange(len(ends) * count).reshape(-1, count)
         rings[:, [0, -1]] = ends

@@ -794,8 +794,7 @@ def _selection(times: Floats, every: int, fps: float | None) -> list[int]:
         return []
     count = np.floor((times[-1] - times[0]) * fps * (1.0 + 1e-12)) + 1
     wanted = times[0] + np.arange(count) / fps
-    nearest = np.searchsorted((times[1:] + times[:-1]) / 2, wanted)
-    return [*np.unique(nearest)]
+    return [*np.unique(np.searchsorted((times[1:] + times[:-1]) / 2, wanted))]
 
 
 @checked

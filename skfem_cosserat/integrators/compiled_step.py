@@ -94,7 +94,7 @@ class Rest(Called):
     def __init__(
         self, plan: Plan, size: IndexArray, A: Floats, x: Floats, solver: Solver | None = None
     ) -> None:
-        left = np.zeros(len(size), dtype=bool)
+        left = np.zeros(len(size), bool)
         left[plan.rest] = True
         each = np.where(left, size, 0)
         slots = np.flatnonzero(each[plan.ends].all(axis=1))
@@ -105,10 +105,11 @@ class Rest(Called):
         entries = np.broadcast_arrays(rows + k[:, None], columns + k)
         shape = (int(each.sum()), int(each.sum()))
         pattern = FrozenPattern(entries[0][inside], entries[1][inside], shape)
-        self._take = np.empty(pattern.nnz, dtype=np.int64)  # every entry is in one place only
+        self._take = np.empty(pattern.nnz, np.int64)  # every entry is in one place only
         self._take[pattern.slot] = places
         self._numbers = (6 * np.arange(len(size))[:, None] + k)[k < each[:, None]]
-        self._A, self._x = A.reshape(-1), x.reshape(-1)
+        self._A = A.reshape(-1)
+        self._x = x.reshape(-1)
         self.solver = LinearSolver(pattern, solver)
         super().__init__(self._answer)
 
@@ -194,7 +195,8 @@ class CompiledScene:
         static: bool = False,
         source: Source = Source.COMPILER,
     ) -> None:
-        self.coordinates, self.system = coordinates, coordinates.system
+        self.coordinates = coordinates
+        self.system = coordinates.system
         self.settings, self.scheme, system = settings, scheme, self.system
         self._source = source
         self.plan = plan_of(coordinates, solver is not None) if plan is None else plan
@@ -213,14 +215,15 @@ class CompiledScene:
         numbers = vars(settings) | self._numbers_of(scheme) | own
         self._all = (
             *self._bind(weight, scheme.ends, static),
-            np.array([numbers[name] for name in NUMBERS], dtype=float),
+            np.array([numbers[name] for name in NUMBERS], float),
         )
         self._a = a = SimpleNamespace(**self._arrays)
         self._laws = self._called_laws()
         #: whether Python functions of users are called
         self.calls_laws = bool(self._laws)
         self._evaluated = static or not system.dead_only or system.drag is not None
-        self._moments, self._followers = system.loading.moments, following(system)
+        self._moments = system.loading.moments
+        self._followers = following(system)
         a.y0[system.rows :] = a.ground1[:] = system.ground(0.0)
 
     def _numbers_of(self, scheme: Scheme) -> dict[str, float]:
@@ -263,7 +266,8 @@ class CompiledScene:
 
     def _bind(self, weight: float, ends: bool, static: bool) -> Bound:
         """Addresses of the parts and structures for the kernels; arrays by name."""
-        system, viscous = self.system, not static and is_viscous(self.system)
+        system = self.system
+        viscous = not static and is_viscous(self.system)
         parts = self._parts(weight, ends or is_viscous(system), static)
         with kept.BINDING:
             s, self._tree = bind.bound_tree(self.coordinates, self.plan, "hold" in parts, static)
@@ -275,7 +279,8 @@ class CompiledScene:
             with bind.compiling(self.coordinates, self._arrays, *own):
                 table = bind.addresses(*own)
         if len(self.plan.rest):
-            A, x = self._arrays["A"], self._arrays["x"]
+            A = self._arrays["A"]
+            x = self._arrays["x"]
             self._rest = Rest(self.plan, planned["size"], A, x, self._solver)
             planned["rest"][1] = self._rest.address
         self._number()
@@ -287,7 +292,8 @@ class CompiledScene:
 
     def _number(self) -> None:
         """Set the places of the tree's coordinates among those of the vertices."""
-        own, kin = self.coordinates.tree.own, self.coordinates.kinematics
+        own = self.coordinates.tree.own
+        kin = self.coordinates.kinematics
         vertex = kin.vertex[: kin.unknowns]
         first = np.array([numbers.start for numbers in own])
         self._numbering = 6 * vertex + np.arange(len(vertex)) - first[vertex]
@@ -304,14 +310,16 @@ class CompiledScene:
 
     def _place(self, q: Floats, ground: tuple[Floats, Floats] | None) -> None:
         """Set the start of a step: q (n,), and the ground's rows at both ends if they move."""
-        system, a = self.system, self._a
+        system = self.system
+        a = self._a
         a.y0[: system.rows] = q.reshape(-1, 3)
         if ground is not None:
             a.y0[system.rows :], a.ground1[:] = ground
 
     def load(self, amplitudes: Floats) -> None:
         """Take these factors of the loads' channels."""
-        a, factors = self._a, amplitudes.tolist()
+        a = self._a
+        factors = amplitudes.tolist()
         if factors == self._factors:  # a pulse that is over, most of the time
             return
         self._factors = factors
@@ -350,8 +358,7 @@ class NearestVelocity(CompiledScene):
         scheme = Scheme(1.0, 1.0, 0.0, weight=1.0, rate=0.0, at=1.0)
         own_coordinates = system.joint_coordinates
         super().__init__(own_coordinates, scheme, 1.0, settings, static=True, source=source)
-        own = dict(zip(PROJECTION, self._all, strict=True))
-        self._projection = structure("projection", own)
+        self._projection = structure("projection", dict(zip(PROJECTION, self._all, strict=True)))
         own_kinds = self._projection.kind, int
         function = address("static", "nearest", own_kinds, source)
         #: for :func:`skfem_cosserat.compiled.bind.bound_carried`
@@ -423,7 +430,8 @@ class CompiledMotion(NearestVelocity):
             self._looked[name][:count] = given.reshape(count, -1, 3)
         if not self._call(count):
             return None
-        v, energies = self._looked["v"][:count].reshape(q.shape), self._looked["energies"][:count]
+        v = self._looked["v"][:count].reshape(q.shape)
+        energies = self._looked["energies"][:count]
         kinetic, stored = energies.T.reshape(2, *q.shape[:-1]).copy()
         return Motion(v.copy(), kinetic, None if self._lawful else stored)
 
@@ -459,10 +467,11 @@ class Coupled:
     def __init__(
         self, system: System, couplings: Couplings, columns: Floats, scheme: Scheme, h: float
     ) -> None:
-        self._couplings, self._columns = couplings, columns
+        self._couplings = couplings
+        self._columns = columns
         self.resize(scheme, h)
         number = {id(item): k for k, item in enumerate(system.couplings.items)}
-        self._angles = np.array([number[id(i)] for i in couplings.angles], dtype=np.int64)
+        self._angles = np.array([number[id(i)] for i in couplings.angles], np.int64)
         columns[self._angles, WINDS] = 1.0
         self._vectors = [
             (number[id(item)], item)
@@ -494,7 +503,8 @@ class Coupled:
     def begin(self, time: float) -> None:
         """Forces of actuators in a step that starts at a time (s)."""
         if self.channels:
-            end, couplings = time + self._h, self._couplings
+            end = time + self._h
+            couplings = self._couplings
             forces = couplings.values(end) if self._late else couplings.averages(time, end)
             self.drive(forces[:-1])
 
@@ -547,11 +557,13 @@ class CompiledStep(CompiledScene):
         solver: Solver | None = None,
         source: Source = Source.COMPILER,
     ) -> None:
-        scheme, system = integrator.scheme(h), coordinates.system
+        scheme = integrator.scheme(h)
+        system = coordinates.system
         assert isinstance(scheme, Scheme)
         own = coordinates, scheme, scheme.weight, settings, plan, solver
         super().__init__(*own, source=source)
-        self.integrator, self.h = integrator, h
+        self.integrator = integrator
+        self.h = h
         self._normal = None if system.plane is None else system.plane.normal
         #: whether the unknowns are others than the treatment's
         others = coordinates is not system.joint_coordinates or len(system.held_rows) > 0
@@ -562,10 +574,20 @@ class CompiledStep(CompiledScene):
         if scheme.moved and system.m and NearestVelocity.serves(system):
             self._nearest = NearestVelocity(system, settings, source)
         self._viscous = [fields for fields in self._beams if "viscosity" in fields]
-        self._carry(scheme)
+        self._moves = bool(scheme.moved) and system.m > 0
+        counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
+        #: most steps in one go
+        self.most = max(1, min(STRIDE, TOGETHER // max(1, system.n)))
+        nearest = None if self._nearest is None else self._nearest.bound
+        viscous = self._viscous[0]["all_numbers"] if self._viscous else None
+        self._carried, arrays = bind.bound_carried(
+            coordinates, self._arrays, counts, nearest, self._normal, self.most, viscous
+        )
+        self._o = SimpleNamespace(**arrays)
+        self._set_rates(scheme)
         self._couple(scheme, h)
         self._resist(h)
-        self._rows = np.zeros(0, dtype=np.int64)
+        self._rows = np.zeros(0, np.int64)
         #: whether there are closed loops, whose independent rows are chosen on the way
         self.looped = len(coordinates.closure.rows) > 0
         bind.choose_rows(coordinates, self._tree, self._rows)
@@ -587,24 +609,12 @@ class CompiledStep(CompiledScene):
         )
         self._solve = self._entry()
 
-    def _carry(self, scheme: Scheme) -> None:
-        """Bind the arrays carried on from step to step, and set the scheme's numbers for them."""
-        self._moves = bool(scheme.moved) and self.system.m > 0
-        counts = len(scheme.table), len(scheme.before), len(scheme.moved) * self._moves
-        #: most steps in one go
-        self.most = max(1, min(STRIDE, TOGETHER // max(1, self.system.n)))
-        nearest = None if self._nearest is None else self._nearest.bound
-        own = counts, nearest, self._normal, self.most
-        viscous = self._viscous[0]["all_numbers"] if self._viscous else None
-        self._carried, arrays = bind.bound_carried(self.coordinates, self._arrays, *own, viscous)
-        self._o = SimpleNamespace(**arrays)
-        self._set_rates(scheme)
-
     def _set_rates(self, scheme: Scheme) -> None:
         """Numbers of the scheme that its rates take, and the size of terms of momenta."""
         o = self._o
         if self._normal is not None:
-            system, h = self.system, abs(self.h)
+            system = self.system
+            h = abs(self.h)
             o.limit[:] = largest(abs(system.inertia) @ abs(system.q0.reshape(-1, 3))) / h
         o.table[:] = np.reshape(scheme.table, o.table.shape)
         o.before[:] = scheme.before
@@ -619,7 +629,8 @@ class CompiledStep(CompiledScene):
 
     def _couple(self, scheme: Scheme, h: float) -> None:
         """Force elements; those of own laws are called back."""
-        system, inside = self.system, self.system.couplings
+        system = self.system
+        inside = self.system.couplings
         if inside.own:
             inside = system.couplings_of(inside.items)
         self._coupled: Coupled = Coupled(system, inside, self._a.coupled, scheme, h)
@@ -643,7 +654,8 @@ class CompiledStep(CompiledScene):
         # a velocity is 2 (y_mid - y_0)/h, or as long at the end of a step as another way takes: a
         # force that follows, and a dead one
         way = 2 / self.scheme.rate if self.scheme.at_end else h
-        self._drag_factor, self._loaded = -2 / way, False
+        self._drag_factor = -2 / way
+        self._loaded = False
         self._o.size[:] = h
         # stresses eta (eps_1 - eps_0)/h as those of elements of the stiffness 2 eta/h, which take
         # the difference of both ends of a way, not a mean of them, and have no mass
@@ -674,12 +686,14 @@ class CompiledStep(CompiledScene):
 
     def close(self, rows: IndexArray) -> None:
         """Take these constraint rows, independent at the start of the step, to close the loops."""
-        rows, self._travelled = np.sort(rows), 0.0
+        rows = np.sort(rows)
+        self._travelled = 0.0
         if not np.array_equal(rows, self._rows):
             self._rows = rows
             bind.choose_rows(self.coordinates, self._tree, rows)
             self._record[KEPT] = 0.0
-            off, count = self._tree["row_on"] == 0, len(self.system.origin_rows)
+            off = self._tree["row_on"] == 0
+            count = len(self.system.origin_rows)
             for known in (self._a.last, self._a.before):  # no step begins with their impulses
                 known[count:, : off.shape[1]][off] = 0.0
 
@@ -733,7 +747,8 @@ class CompiledStep(CompiledScene):
                 known += self._of_drift @ self.rates0.reshape(len(self._of_drift), -1)
             self._a.dead[:] = self._dead - system.drag @ known.reshape(-1, 3)
         if self.late and moving:
-            rows, a = system.rows, self._a
+            rows = system.rows
+            a = self._a
             way = scheme.rate * (a.ground1 - a.y0[rows:])
             a.drift[rows:] = system.ground_rate(t + self.h) - way
         self._a.p0[:] = state.p.reshape(-1, 3)
@@ -747,20 +762,19 @@ class CompiledStep(CompiledScene):
         """Loads, actuators and the ground in a step between two times (s)."""
         loading, rows, a = self.system.loading, self.system.rows, self._a
         if self._failed is not None and self._failed[0] == time:
-            error, self._failed = self._failed[1], None
+            error = self._failed[1]
+            self._failed = None
             raise error
         if not (self._loaded and loading.constant):
-            self.load(self._factors_at(time))
+            after = time + self.h
+            at_end = self.scheme.at_end
+            self.load(loading.values(after) if at_end else loading.averages(time, after))
             self._loaded = True
         self._coupled.begin(time)
         if self.system.moving:  # exactly: it may jump there
-            a.y0[rows:], a.ground1[:] = self.system.ground(time), self.system.ground(end)
+            a.y0[rows:] = self.system.ground(time)
+            a.ground1[:] = self.system.ground(end)
             self._grounds.append(a.ground1.copy())
-
-    def _factors_at(self, time: float) -> Floats:
-        """Factors of all loads' channels in a step that starts at a time (s)."""
-        loading, end = self.system.loading, time + self.h
-        return loading.values(end) if self.scheme.at_end else loading.averages(time, end)
 
     def takes_blocks(self, time: float) -> bool:
         """True if steps from this time (s) on can be solved in one go, several at a time."""
@@ -779,14 +793,17 @@ class CompiledStep(CompiledScene):
 
         Fewer, where something has to be looked at; one, where no more are taken.
         """
-        record, self._times = self._record, [state.time, *times.tolist()]
+        record = self._record
+        self._times = [state.time, *times.tolist()]
         varies = self._varies(state.time)
         record[VARYING] = varies or bool(self.system.couplings.called)
         solved = self._solved(state, len(times))
-        done, n = int(record[DONE]), self.system.n
+        done = int(record[DONE])
+        n = self.system.n
         if not done:
             return None
-        a, o = self._a, self._o
+        a = self._a
+        o = self._o
         logged = o.log_numbers[:done]
         moving = bool(self._grounds)
         block = Block(
@@ -803,7 +820,7 @@ class CompiledStep(CompiledScene):
             np.array(self._grounds[:done]) if moving else a.ground1[None].repeat(done, 0),
             o.log_impulse[:done].reshape(done, n).copy(),
             logged[:, 0].astype(np.int64),
-            np.ones(done, dtype=np.int64),
+            np.ones(done, np.int64),
             logged[:, 1].copy(),
             logged[:, 2:].copy(),
             stuck=not solved,
@@ -825,18 +842,21 @@ class CompiledStep(CompiledScene):
         """Add what kernels leave of the last step: works, unless `plain`, and velocities."""
         rows, a, moved = self.system.rows, self._a, bool(self._record[UNMOVED])
         self._coupled.look(float(block.times[-1]))
-        y1, dq = a.y1.copy(), (a.y1 - a.y0)[:rows]
+        y1 = a.y1.copy()
+        dq = (a.y1 - a.y0)[:rows]
         work = StepWork(*block.works[-1].tolist())
         if not plain:
             work = self._work(state, work, dq)
         if moved:
-            p, rates = block.p[-1].reshape(rows, 3), block.rates[-1].reshape(-1, rows, 3)
+            p = block.p[-1].reshape(rows, 3)
+            rates = block.rates[-1].reshape(-1, rows, 3)
             rates0 = self._o.rates.reshape(rates.shape).copy()
             balance = self.integrator.balance(self.system, self.h)
             instant = self._times[len(block) - 1] + self.h  # as plain numpy has it
             done = balance.handed_on(y1, dq, p, rates0, rates, work, instant)
             assert done.rates is not None
-            block.p[-1], block.rates[-1] = done.momentum.ravel(), done.rates.reshape(len(rates), -1)
+            block.p[-1] = done.momentum.ravel()
+            block.rates[-1] = done.rates.reshape(len(rates), -1)
             if done.impulse is not None:
                 block.impulse[-1] += done.impulse.ravel()
             work = done.work
@@ -845,14 +865,17 @@ class CompiledStep(CompiledScene):
     def _solved(self, state: State, steps: int) -> bool:
         """Solve up to so many steps; whether the last one tried was solved."""
         self._begin(state, self._times[1])
-        record, a = self._record, self._a
-        record[ASKED], record[TRAVELLED] = steps, self._travelled
+        record = self._record
+        a = self._a
+        record[ASKED] = steps
+        record[TRAVELLED] = self._travelled
         known = self.looped and record[KNOWN] > 0.0
         solved = self._solve() != 0.0
         self.factorisations += int(record[ALL_FACTORED])
         self.complain()
         if isinstance(self._next.error, Exception):  # kept for the step itself
-            self._failed, solved = (self._times[int(record[DONE])], self._next.error), True
+            self._failed = (self._times[int(record[DONE])], self._next.error)
+            solved = True
             self._next.error = None
         if isinstance(self._called_forces.error, Exception):
             self._called_forces.error = None  # the step itself will tell it
@@ -863,26 +886,22 @@ class CompiledStep(CompiledScene):
             self._farthest, self._travel, _ = a.found.tolist()
             self._travelled = float(record[TRAVELLED])
         if solved and (self.looped or record[FACTORED] > SHORT) and self._flipped():
-            return self._take_back(known or (self.looped and record[DONE] > 1))
+            # the last step is left to the general way: not solved
+            known = known or (self.looped and record[DONE] > 1)  # what the one before left
+            self.resume(a.before.ravel()[self._numbering] if known else None)
+            record[KEPT] = 0.0
+            record[DONE] -= 1
+            solved = False
         if not solved:
             self._travelled = np.inf
         return solved
-
-    def _take_back(self, known: bool) -> bool:
-        """Leave the last step to the general way: not solved. `known`: what the one before left."""
-        self.resume(self._a.before.ravel()[self._numbering] if known else None)
-        self._record[KEPT] = 0.0
-        self._record[DONE] -= 1
-        self._travelled = np.inf
-        return False
 
     def _flipped(self) -> bool:
         """True if a frame has turned by half a turn, with loops or with forces at the midpoint."""
         if self.looped and self._travel < SHORT_WAY:
             return False
         middle = 0.0 < self.scheme.weight < 1.0
-        turned = (self.looped or middle) and half_turn(self.system, self._a.y0, self._a.y1)
-        return bool(turned)
+        return bool((self.looped or middle) and half_turn(self.system, self._a.y0, self._a.y1))
 
     @property
     def missed(self) -> float:
@@ -896,7 +915,8 @@ class CompiledStep(CompiledScene):
 
     def _work(self, state: State, known: StepWork, dq: Floats) -> StepWork:
         """Work of a step that no block has, beside what kernels know of it."""
-        system, scheme = self.system, self.scheme
+        system = self.system
+        scheme = self.scheme
         if scheme.at_end:
             loading = system.loading
             same = loading.constant or state.time >= loading.constant_after
@@ -910,15 +930,18 @@ class CompiledStep(CompiledScene):
         if system.drag is not None:  # it is among the loads of the kernels
             own = float(((system.drag @ dq) * dq).sum()) / self.h
             # a step back, as composed ones have, gives what was lost
-            loads, lost = loads + own, lost + self.h * max(0.0, own / self.h)
+            loads = loads + own
+            lost = lost + self.h * max(0.0, own / self.h)
         if scheme.decay:
             ends = self._a.y0, self._a.y1
             strains = [[eps for eps, _ in system.strain(y)] for y in ends]
             own = decay_work(system, scheme.decay, *strains)
-            lost, numerical = lost + own, numerical + own
+            lost = lost + own
+            numerical = numerical + own
         if self._called_back is not None:
             done = self._called_back.work()
-            loads, ground = loads + done.loads, ground + done.ground
+            loads = loads + done.loads
+            ground = ground + done.ground
         return StepWork(loads, actuators, lost, ground, numerical)
 
 

@@ -113,7 +113,8 @@ class Bodies:
 
     def _turn_of_axes(self, spin: Floats, dt: float) -> Floats:
         """Rotations (k, 3, 3) of principal axes in a time dt: about the second, third, second."""
-        turn, (_, rest, along) = np.eye(3), dt * self._speeds
+        turn = np.eye(3)
+        _, rest, along = dt * self._speeds
         for axis, rates in ((1, rest), (2, along), (1, rest)):
             angles = np.outer(rates * spin[:, axis, 0], np.eye(3)[axis])
             each = rotation_matrix(exp_quaternion(-angles))
@@ -433,7 +434,8 @@ class LimitWatch:
     @property
     def smallest(self) -> StepLimit:
         """The lowest limit, and what vibrates there."""
-        groups, (*elements, attached) = self.system.beam_groups, self.rates
+        groups = self.system.beam_groups
+        *elements, attached = self.rates
         pairs = zip(groups, elements, strict=True)
         every = [*(rates + attached[:, g.vertices].max(2) for g, rates in pairs), attached]
         with np.errstate(divide="ignore"):
@@ -617,8 +619,7 @@ class Marching:
             return False
         self.rounds = rounds
         # changes shrink by -theta at most where theta is h gamma/2, by theta/(2 + theta) if relaxed
-        theta = 0.5 * self.h / rounds * self._watch.decay
-        self._relaxed = 1 / (1 + 0.5 * theta)
+        self._relaxed = 1 / (1 + 0.25 * self.h / rounds * self._watch.decay)
         return True
 
     def _shorten(self, time: float) -> None:
@@ -644,7 +645,8 @@ class Marching:
             with np.errstate(all="ignore"):  # what has blown up is looked at below
                 new, work, iterations = self._rounds(state, y, m, time)
         except Unclosed as error:
-            advice, (what, gap) = f"try a smaller step than {self.h:g} s", error.args
+            advice = f"try a smaller step than {self.h:g} s"
+            what, gap = error.args
             raise Diverged(state.time, state.index + 1, gap, what, advice) from error
         way = largest(y[: system.rows] - state.q.reshape(-1, 3))
         if not (way < FAR * system.length and np.isfinite(m).all()):

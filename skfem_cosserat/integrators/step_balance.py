@@ -309,7 +309,13 @@ class StepBalance:
         blocks: list[Blocks] = [*parts]
         if system.damped or not system.loading.dead_only:
             full = [p.blocks() for p in parts]
-            self._add_damping(e, full)
+            for k, g in enumerate(system.beam_groups):
+                if g.viscous:
+                    full[k] += s.force * g.damping(e.Bs[k], self._rate_slope(e, k))
+            if system.drag is not None:
+                for block, group in zip(full, system.groups, strict=True):
+                    if group.drag is not None:
+                        block += (s.force * s.rate) * group.drag
             system.loading.add_tangent(full, e.y[: system.rows], step.amplitudes, -geometric)
             blocks = [*full]
         if e.coupled is not None:
@@ -333,18 +339,6 @@ class StepBalance:
         D = g.discrete_moduli(step.strains0[k], eps)
         chi = self.scheme.decay
         return D + chi * g.elements.weighted_stiffness if chi else D
-
-    def _add_damping(self, e: Evaluation, blocks: list[Array]) -> None:
-        """Add what viscous sections and drag contribute to the groups' blocks."""
-        s = self.scheme
-        system = self.system
-        for k, g in enumerate(system.beam_groups):
-            if g.viscous:
-                blocks[k] += s.force * g.damping(e.Bs[k], self._rate_slope(e, k))
-        if system.drag is not None:
-            for block, group in zip(blocks, system.groups, strict=True):
-                if group.drag is not None:
-                    block += (s.force * s.rate) * group.drag
 
     def _rate_slope(self, e: Evaluation, k: int) -> Array:
         """Derivative of the strain rates ``B(y) v`` of beam group k: B is linear in y."""
@@ -435,9 +429,7 @@ class StepBalance:
             lost = 0.5 * float((rates[0] * p).sum() - (v * new).sum())
             if system.moving:  # what it does along the way counts as work of the motion
                 lost += float((change * dq).sum()) / self.h
-            whole = work.dissipated + lost
-            own = work.numerical + lost
-            work = work._replace(dissipated=whole, numerical=own)
+            work = work._replace(dissipated=work.dissipated + lost, numerical=work.numerical + lost)
         rates = rates + np.array(s.moved)[:, None, None] * move
         return Finished(new, rates, -s.moved_force * change, work)
 
@@ -448,7 +440,13 @@ class StepBalance:
         e = evaluation
         system = self.system
         loads = float((e.external * e.dq).sum())
-        lost = self.h * self._dissipated_power(e)
+        pairs = zip(system.beam_groups, e.rates, strict=True)
+        power = sum(g.dissipation(rate) for g, rate in pairs if rate is not None)
+        if system.drag is not None:
+            assert e.velocity is not None
+            v = e.velocity[: system.rows]
+            power += max(0.0, float((v * (system.drag @ v)).sum()))  # of either sign at rounding
+        lost = self.h * power
         chi = self.scheme.decay
         own = decay_work(system, chi, step.strains0, e.strains) if chi else 0.0
         lost += own
@@ -458,17 +456,6 @@ class StepBalance:
         lost = lost + done.dissipated
         own = own + done.numerical
         return StepWork(loads + done.loads, done.actuators, lost, done.ground, own)
-
-    def _dissipated_power(self, e: Evaluation) -> float:
-        """Power (W) lost in viscous sections and drag, not negative."""
-        system = self.system
-        pairs = zip(system.beam_groups, e.rates, strict=True)
-        power = sum(g.dissipation(rate) for g, rate in pairs if rate is not None)
-        if system.drag is not None:
-            assert e.velocity is not None
-            v = e.velocity[: system.rows]
-            power += max(0.0, float((v * (system.drag @ v)).sum()))  # of either sign at rounding
-        return power
 
     def _trapezoidal_work(self, step: StepData, e: Evaluation) -> StepWork:
         """Work where forces are those at the ends of steps: by the trapezoidal rule."""

@@ -73,15 +73,14 @@ class StepProblem:
             self.treatment.reduce(e.R, self.y1)
         data = self.treatment.matrix(self.balance.tangent(self.step, e), e.R, self.y1)
         direction = -self.treatment.solver.solve(data, self.treatment.scale_rows(self._r))
-        more = self.balance.border(self.step, e)
-        return direction if more is None else self._updated(direction, *more)
-
-    def _updated(self, direction: Floats, U: Array, V: Array) -> Floats:
-        """Direction of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)."""
+        border = self.balance.border(self.step, e)
+        if border is None:
+            return direction
+        # of the matrix with ``sum_k U_k V_k^T`` added (Sherman, Morrison, Woodbury)
+        U, V = border
         treatment = self.treatment
-        y = self.y1
         columns = [treatment.solver.solve_again(treatment.scale_rows(treatment.pull(u))) for u in U]
-        moved = [treatment.displacement(x, y) for x in (*columns, direction)]
+        moved = [treatment.displacement(x, self.y1) for x in (*columns, direction)]
         products = np.tensordot(V, np.array(moved), axes=([1, 2], [1, 2]))
         factors = np.linalg.solve(np.eye(len(U)) + products[:, :-1], products[:, -1])
         return direction - np.array(columns).T @ factors
@@ -113,7 +112,8 @@ class StepProblem:
 
 #: scaled residual above which a converged step is looked at again, and the increment it may ask for
 #: then: more than that is no rounding, but a balance with jumps
-SOLVED, FURTHER = 1e-5, 1e-6
+SOLVED = 1e-5
+FURTHER = 1e-6
 #: steps in a row that compiled kernels leave to plain numpy, after which that is said
 LEFT = 20
 #: attempts at a step: (extrapolate the last increment, damped)
@@ -140,17 +140,6 @@ class _Size:
     balance: StepBalance
     fast: CompiledStep | None
     last: tuple[float, Array] | None = None
-
-
-def _check_methods(integrator: object, treatment: object) -> None:
-    """Raise InputError if they are no integrator and treatment; says if they are swapped."""
-    if isinstance(integrator, Treatment) and isinstance(treatment, Integrator):
-        raise InputError(
-            "arguments integrator, treatment",
-            f"are swapped: got {integrator!r}, {treatment!r}, expected the integrator first",
-        )
-    check_kind("argument integrator", integrator, Integrator, ", such as EnergyMomentum()")
-    check_kind("argument treatment", treatment, Treatment, ": NullSpace() or Multipliers()")
 
 
 @checked
@@ -222,7 +211,13 @@ class Stepper:
         announce: Callable[[str], object] | None = None,
     ):
         system = system_of(system)
-        _check_methods(integrator, treatment)
+        if isinstance(integrator, Treatment) and isinstance(treatment, Integrator):
+            raise InputError(
+                "arguments integrator, treatment",
+                f"are swapped: got {integrator!r}, {treatment!r}, expected the integrator first",
+            )
+        check_kind("argument integrator", integrator, Integrator, ", such as EnergyMomentum()")
+        check_kind("argument treatment", treatment, Treatment, ": NullSpace() or Multipliers()")
         if steps is not None:
             steps = min(whole("argument steps", steps, 0), 10**15)
         self.system, self.integrator, self.treatment = system, integrator, treatment
@@ -285,7 +280,8 @@ class Stepper:
         of = self._sizes.get(h)
         if of is None:
             of = self._sizes[h] = self._sizes.pop(next(iter(self._sizes)))
-            of.h, of.balance = h, self.integrator.single.balance(self.system, h)
+            of.h = h
+            of.balance = self.integrator.single.balance(self.system, h)
             if of.fast is not None:
                 of.fast = of.fast.resized(h)
         return of
@@ -430,7 +426,8 @@ class Stepper:
         """
         whole("argument steps", steps, 1)
         state = self.sampled(self.own(state, h is not None))
-        size, allowed = self.h, "a time (s) other than zero"
+        size = self.h
+        allowed = "a time (s) other than zero"
         if h is not None:
             size = real("argument h", "h", h, allowed)
             if not (size and isfinite(size)):
@@ -455,8 +452,7 @@ class Stepper:
         fast = self._sized(h).fast if steps > 1 and self.takes_blocks(state) else None
         due = fast is not None and fast.looped and fast.due(state, self.bound)
         if fast is not None and not (due or state.plain) and self.bound.regular:
-            most = min(steps, fast.most)
-            times = np.asarray(ends(state.index + np.arange(1, most + 1)), float)
+            times = np.asarray(ends(state.index + np.arange(1, min(steps, fast.most) + 1)), float)
             if self.system.moving:
                 pairs = enumerate(pairwise([state.time, *times.tolist()]))
                 times = times[: next((k for k, pair in pairs if self._ends_block(*pair)), None)]

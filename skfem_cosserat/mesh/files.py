@@ -39,7 +39,8 @@ from .topology import element_numbers
 # name that a point and a line group share; hence an own reader for the ASCII form.
 
 #: gmsh's numbers of cell types, and nodes a cell.
-VERTEX, LINE = 15, 1
+VERTEX = 15
+LINE = 1
 #: Names of its lines, by their number; those of more nodes than two are refused.
 _KINDS = {
     **{LINE: "line", 8: "line3", 26: "line4", 27: "line5", 28: "line6"},
@@ -147,7 +148,8 @@ def read_gmsh41(content: bytes) -> Groups:
     blocks, count, _, _ = _integers(words, 4)
     if not 0 <= 3 * count <= sum(map(len, rows)):
         raise ValueError(f"says that it has {count} nodes, which do not fit in it")
-    tags, points = [NO_INDICES], [np.zeros((0, 3))]
+    tags = [NO_INDICES]
+    points = [np.zeros((0, 3))]
     for _ in range(blocks):
         dim, _, parametric, size = _integers(words, 4)
         tags.append(np.array(_integers(words, size), np.int64))
@@ -172,9 +174,11 @@ def read_gmsh41(content: bytes) -> Groups:
         nodes = order[np.minimum(np.searchsorted(known, each, sorter=order), count - 1)]
         if (known[nodes] != each).any():
             raise KeyError(f"node {each[known[nodes] != each][0]}")
-        sets, members = out.nodes, nodes[:, 0]
+        sets = out.nodes
+        members = nodes[:, 0]
         if kind == LINE:
-            sets, members = out.beams, out.cells["line"] + np.arange(size)
+            sets = out.beams
+            members = out.cells["line"] + np.arange(size)
             out.lines.append(nodes)
         elif kind != VERTEX:
             sets = {}
@@ -303,7 +307,8 @@ def _rows22(
 # -- plain data of lines in and out of files; the one place that calls meshio ----------------------
 
 #: Prefixes of the arrays that carry names in VTU files.
-BEAM, NODE = "beam:", "node:"
+BEAM = "beam:"
+NODE = "node:"
 #: What readers raise on files that are broken or not what their name says.
 _BROKEN = (
     ArithmeticError,
@@ -398,8 +403,7 @@ def lines_of(mesh: Any, names: Mapping[tuple[int, int], str] | None = None) -> L
     if lines.shape[1] != 2:
         raise ValueError(f"has polylines of {lines.shape[1]} nodes: split them")
     if names is None:
-        own = mesh.field_data.items()
-        names = {(int(dim), int(tag)): name for name, (tag, dim) in own}
+        names = {(int(dim), int(tag)): name for name, (tag, dim) in mesh.field_data.items()}
     beams, nodes = _meshio_names(mesh, names)
     others = [block.data for block in mesh.cells if block.type not in ("line", "vertex")]
     return _cleaned(_in_space(mesh.points), lines, beams, nodes, others)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -185,8 +185,7 @@ def halved_arrays(mesh: MeshCurve, marked: IndexArray) -> dict[str, Any]:
     spans[1, left] = spans[0, right] = mesh.spans[:, marked].mean(0)
     points = mesh.p
     if len(marked):
-        middle = mesh.mapping().F(np.array([[0.5]]), marked)[:, :, 0]
-        points = np.concatenate([mesh.p, middle], 1)
+        points = np.concatenate([mesh.p, mesh.mapping().F(np.array([[0.5]]), marked)[:, :, 0]], 1)
     beams = None
     if mesh._subdomains is not None:
         beams = {k: np.flatnonzero(np.isin(parent, v)) for k, v in mesh.beams.items()}
@@ -289,18 +288,6 @@ def _united(parts: Sequence[dict[str, IndexArray]], renumber: Any) -> dict[str, 
     return {name: np.unique(np.concatenate(members)) for name, members in out.items()}
 
 
-def _with_ends(mesh: MeshCurve, beams: Iterable[str]) -> dict[str, IndexArray]:
-    """Named nodes of a mesh whose beams of some names have been put together."""
-    nodes = mesh.nodes
-    for name in beams:
-        first, last = mesh.t[:, mesh.beams[name]]
-        for where, other, end in ((first, last, "start"), (last, first, "end")):
-            nodes.pop(f"{name}.{end}", None)
-            if len(found := np.setdiff1d(where, other)):
-                nodes[f"{name}.{end}"] = found
-    return nodes
-
-
 def _near(points: Floats, tol: float) -> dict[int, list[int]]:
     """Points (3, n) that lie within a distance of others before them, with the others."""
     from scipy.spatial import cKDTree  # slow to import, seldom needed
@@ -399,7 +386,8 @@ class MeshCurve(Frozen, MeshLine1):
         self.curve_ids = ids
         self.spans = spans
         check_geometry(self)
-        self._boundaries, self._subdomains = locked(self._boundaries), locked(self._subdomains)
+        self._boundaries = locked(self._boundaries)
+        self._subdomains = locked(self._subdomains)
         super().__post_init__()
 
     def __repr__(self) -> str:
@@ -835,7 +823,14 @@ class MeshCurve(Frozen, MeshLine1):
         names = Counter(name for each in meshes for name in each.beams)
         if several := [name for name, count in names.items() if count > 1]:
             mesh = mesh.directed()
-            mesh = replace(mesh, _boundaries=_with_ends(mesh, several))
+            nodes = mesh.nodes
+            for name in several:
+                first, last = mesh.t[:, mesh.beams[name]]
+                for where, other, end in ((first, last, "start"), (last, first, "end")):
+                    nodes.pop(f"{name}.{end}", None)
+                    if len(found := np.setdiff1d(where, other)):
+                        nodes[f"{name}.{end}"] = found
+            mesh = replace(mesh, _boundaries=nodes)
         if weld:
             part = [np.full(each.nelements, k) for k, each in enumerate(meshes)]
             topology.warn_of_crossings(mesh, np.concatenate(part))

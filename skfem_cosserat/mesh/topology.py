@@ -79,8 +79,7 @@ class ChainOrder:
         """Each by itself."""
         parts = np.split(self.elements, self.first[1:-1])
         closed = self.closed.tolist()
-        owner = self.owner.tolist()
-        return [Chain(*each) for each in zip(parts, closed, owner, strict=True)]
+        return [Chain(*each) for each in zip(parts, closed, self.owner.tolist(), strict=True)]
 
     def side_by_side(self) -> Iterator[tuple[IndexArray, Array]]:
         """Elements (c, m) of all chains of one length m, and which of them (c,) are closed."""
@@ -106,7 +105,8 @@ def _neighbours(t: Array, owner: IndexArray) -> IndexArray:
     one = order[pairs]
     two = order[pairs + 1]
     out = np.full(2 * ne, -1)
-    out[one], out[two] = two, one
+    out[one] = two
+    out[two] = one
     return out.reshape(ne, 2).T
 
 
@@ -271,7 +271,13 @@ def check_geometry(mesh: MeshCurve) -> None:
     if pair is not None:
         nodes = mesh.t[:, pair[0]].tolist()
         raise MeshError(f"element {pair[1]}", f"duplicates element {pair[0]}, both join {nodes}")
-    _check_names(mesh)
+    for kind, names, count in (
+        ("beam", mesh._subdomains, mesh.nelements),
+        ("node", mesh._boundaries, mesh.p.shape[1]),
+    ):
+        for name, index in (names or {}).items():
+            check_name(kind, name)
+            check_numbers(f"{kind} '{name}'", np.asarray(index), 0, count)
     if not 0.0 <= mesh.feature_angle <= np.pi:
         raise MeshError("argument feature_angle", f"{mesh.feature_angle} is not in [0, pi] rad")
 
@@ -300,17 +306,6 @@ def _check_curves(mesh: MeshCurve, size: float) -> None:
             f"node {mesh.t[end, e]} is {gap[k, end]:.3g} m off its curve: change the curves"
             " together with the points, e.g. by mesh.moved()",
         )
-
-
-def _check_names(mesh: MeshCurve) -> None:
-    """Index arrays of beams and nodes."""
-    for kind, names, count in (
-        ("beam", mesh._subdomains, mesh.nelements),
-        ("node", mesh._boundaries, mesh.p.shape[1]),
-    ):
-        for name, index in (names or {}).items():
-            check_name(kind, name)
-            check_numbers(f"{kind} '{name}'", np.asarray(index), 0, count)
 
 
 # -- lines that cross without a common vertex ------------------------------------------------------

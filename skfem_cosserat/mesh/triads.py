@@ -70,7 +70,17 @@ def section_triads(
                 moved = _transported(points, tangents, along, e[todo], closed[todo])
                 own = e[todo].ravel()
                 d1[own] = np.where(given[own, None, None], d1[own], moved)
-    _check_parallel(mesh, hints, tangents, along)
+    sine = np.linalg.norm(np.cross(hints[:, None], tangents), axis=-1)
+    parallel = sine < 1e-6  # NaN where there is no hint
+    if parallel.any():
+        order = mesh.chain_order.elements
+        k = int(order[np.argmax(parallel[order].any(1))])
+        a = np.argmax(parallel[k])
+        raise MeshError(
+            _owner_item("director", mesh, mesh.owners[k]),
+            f"{hints[k].tolist()} is parallel to the tangent of element {k} at"
+            f" arc length {mesh.arc_starts[k] + along[k, a]:.6g} m: give another direction",
+        )
     triads = _orthonormal(d1, tangents)
     for value, e in _by_beam(mesh, twist, "twist"):
         if value is not None:
@@ -123,21 +133,6 @@ def _hints(mesh: MeshCurve, directors: Directors) -> Floats:
     return out
 
 
-def _check_parallel(mesh: MeshCurve, hints: Floats, tangents: Floats, along: Floats) -> None:
-    """Refuse hints (ne, 3) that are parallel to a tangent (ne, n, 3)."""
-    sine = np.linalg.norm(np.cross(hints[:, None], tangents), axis=-1)
-    parallel = sine < 1e-6  # NaN where there is no hint
-    if parallel.any():
-        order = mesh.chain_order.elements
-        e = int(order[np.argmax(parallel[order].any(1))])
-        a = np.argmax(parallel[e])
-        raise MeshError(
-            _owner_item("director", mesh, mesh.owners[e]),
-            f"{hints[e].tolist()} is parallel to the tangent of element {e} at"
-            f" arc length {mesh.arc_starts[e] + along[e, a]:.6g} m: give another direction",
-        )
-
-
 def _orthonormal(d1: Array, tangent: Array) -> Floats:
     """Triads (..., 3, 3) of unit tangents d3 (..., 3) and directions d1 (..., 3)."""
     d3 = tangent / np.linalg.norm(tangent, axis=-1, keepdims=True)
@@ -175,13 +170,6 @@ def _turned(triads: Floats, angle: Floats) -> Floats:
 
 
 # -------------------------------------------------------------------- transport
-def _normals(tangent: Floats) -> Floats:
-    """Coordinate axes farthest from tangents (..., 3), x before y before z, normal to them."""
-    axis = np.eye(3)[abs(tangent).round(12).argmin(-1)]
-    normal = axis - (axis * tangent).sum(-1, keepdims=True) * tangent
-    return normal / np.linalg.norm(normal, axis=-1, keepdims=True)
-
-
 def _minimal(vector: Floats, before: Floats, after: Floats) -> Floats:
     """Vectors turned by the smallest rotations that take unit tangents to others, all (..., 3)."""
     cosine = (before * after).sum(-1, keepdims=True)
@@ -218,7 +206,10 @@ def _transported(
     chains, m = elements.shape
     n = along.shape[1]
     t = tangents[elements].reshape(chains, m * n, 3)
-    normal = _normals(t)
+    # the coordinate axes farthest from the tangents, x before y before z, normal to them
+    axis = np.eye(3)[abs(t).round(12).argmin(-1)]
+    normal = axis - (axis * t).sum(-1, keepdims=True) * t
+    normal = normal / np.linalg.norm(normal, axis=-1, keepdims=True)
     if (t == t[:, :1]).all():  # straight lines
         return normal.reshape(chains * m, n, 3)
     x = points[elements].reshape(t.shape)
@@ -342,7 +333,26 @@ def check_bends(
             f" {gives_way(kind, total)}",
             ModelWarning,
         )
-    _report_flips(mesh, nodes, triads, item)
+    # a first director may turn by more than 90 degrees about the line at a corner
+    order = mesh.chain_order
+    before = order.before
+    after = order.after
+    about = abs(_twists(triads[before, -1], triads[after, 0]))
+    flips = about > np.pi / 2 + 1e-9
+    if not flips.any():
+        return
+    number = np.empty(mesh.nelements, np.int64)  # of the chain
+    number[order.elements] = np.arange(len(order.closed)).repeat(np.diff(order.first))
+    for chain in np.unique(number[before[flips]]).tolist():
+        own = np.flatnonzero(number[before] == chain)
+        k = int(own[about[own].argmax()])
+        warn(
+            item,
+            f"section triads turn by {np.degrees(about[k]):.3g} degrees about the line at node"
+            f" {nodes[before[k], -1]}, between the elements {before[k]} and {after[k]}: forces and"
+            " moments change their signs there; give another director",
+            ModelWarning,
+        )
 
 
 def _check_folds(
@@ -367,27 +377,4 @@ def _check_folds(
             f"the line folds back inside element {e}, between the nodes {nodes[e, 0]} and"
             f" {nodes[e, -1]}: {xi[g] * mesh.lengths[e]:.3g} m from its start it runs against the"
             " tangents interpolated between its nodes; refine",
-        )
-
-
-def _report_flips(mesh: MeshCurve, nodes: IndexArray, triads: Floats, item: str) -> None:
-    """Warn of a first director that turns by more than 90 degrees about the line at a corner."""
-    order = mesh.chain_order
-    e = order.before
-    f = order.after
-    twist = abs(_twists(triads[e, -1], triads[f, 0]))
-    flips = twist > np.pi / 2 + 1e-9
-    if not flips.any():
-        return
-    number = np.empty(mesh.nelements, np.int64)  # of the chain
-    number[order.elements] = np.arange(len(order.closed)).repeat(np.diff(order.first))
-    for chain in np.unique(number[e[flips]]).tolist():
-        own = np.flatnonzero(number[e] == chain)
-        k = int(own[twist[own].argmax()])
-        warn(
-            item,
-            f"section triads turn by {np.degrees(twist[k]):.3g} degrees about the line at node"
-            f" {nodes[e[k], -1]}, between the elements {e[k]} and {f[k]}: forces and moments"
-            " change their signs there; give another director",
-            ModelWarning,
         )

@@ -270,8 +270,15 @@ def _critical(
         energy = pencil.energies(X)[0]
         theta, turn = eigh(-(X.T @ (K1 @ X)), 0.5 * (energy + energy.T))
         X = X @ turn
-    else:
-        theta, X = _without_potential(K1, pencil.K, factors, 2 * many)
+    else:  # without a potential: the real ones of 1/factor
+        k = 2 * many
+        if n <= EIGENVALUES or k > n // 3:
+            theta, X = eig(-K1.toarray(), pencil.K.toarray())
+        else:
+            theta, X = arnoldi(lambda x: -factors.solve(K1 @ x), n, k)
+        real = abs(theta.imag) <= REAL * abs(theta)
+        theta = theta[real].real
+        X = X[:, real].real
     wanted = abs(theta) > abs(theta).max(initial=0.0) / INFINITE
     if sign != "both":
         wanted &= (theta > 0) == (sign == "positive")
@@ -304,16 +311,3 @@ def _lanczos(K1: csr_matrix, pencil: Pencil, factors: Factorised, k: int, sign: 
     except ArpackError as error:
         raise CosseratError(f"the Lanczos iteration for {k} factors did not converge") from error
     return found
-
-
-def _without_potential(
-    K1: csr_matrix, K0: csr_matrix, factors: Factorised, k: int
-) -> tuple[Floats, Floats]:
-    """Real eigenvalues 1/factor for a K_1 that is not symmetric."""
-    n = K1.shape[0]
-    if n <= EIGENVALUES or k > n // 3:
-        theta, X = eig(-K1.toarray(), K0.toarray())
-    else:
-        theta, X = arnoldi(lambda x: -factors.solve(K1 @ x), n, k)
-    real = abs(theta.imag) <= REAL * abs(theta)
-    return theta[real].real, X[:, real].real

@@ -335,7 +335,16 @@ def make_pencil(at: Equilibrium) -> Pencil:
         K, rest = (0.5 * (A + A.T) for A in (K, rest))
     M = congruent(P, kron(system.mass, identity(3)))
     M = (0.5 * (M + M.T)).tocsr()
-    _check_inertia(system, M, tangent.metric)
+    inertia = M.diagonal() / tangent.metric.diagonal()
+    worst = int(np.argmin(inertia))
+    if not inertia[worst] > 0:
+        if len(system.closure.rows):
+            raise InputError("model", f"unknown {worst} of the null space has no inertia")
+        coordinate = system.kinematics.tree.coordinate(worst)
+        raise InputError(
+            system.owner[coordinate.vertex].label,
+            f"its motion {coordinate.kind!r} has no inertia: give it mass",
+        )
     gyroscopic = None
     if at.amplitudes.spin is not None:
         G = congruent(P, kron(system.mass, skew(at.amplitudes.spin.velocity)))
@@ -369,19 +378,6 @@ def _damping(system: System, y: Floats, P: csr_matrix, Bs: list[Array]) -> csr_m
         return None
     C = congruent(P, blocks_matrix(system, blocks))
     return (0.5 * (C + C.T)).tocsr()
-
-
-def _check_inertia(system: System, M: csr_matrix, metric: csr_matrix) -> None:
-    inertia = M.diagonal() / metric.diagonal()
-    worst = int(np.argmin(inertia))
-    if not inertia[worst] > 0:
-        if len(system.closure.rows):
-            raise InputError("model", f"unknown {worst} of the null space has no inertia")
-        coordinate = system.kinematics.tree.coordinate(worst)
-        raise InputError(
-            system.owner[coordinate.vertex].label,
-            f"its motion {coordinate.kind!r} has no inertia: give it mass",
-        )
 
 
 # -- eigenvalues nearest to zero of ``(s^2 M + s C + K) x = 0``: gyroscopic, damped, circulatory ---

@@ -78,7 +78,14 @@ class Animated(Shown):
         whole("argument periods", periods, 1)
         system = at.system
         P = at.tangent.P
-        x = size / _extent(system, at.y, P @ x) * x
+        # the largest displacement over the extent, or rotation over a full turn, in a period
+        cycle = np.exp(1j * np.linspace(0, np.pi, 13))
+        moved = np.multiply.outer(cycle, (P @ x).reshape(-1, 3)).real
+        rows = system.kinematics.director_rows
+        shifts = np.linalg.norm(moved[:, system.origin_rows], axis=-1) / system.length
+        angles = 0.5 * np.cross(at.y[rows], moved[:, rows]).sum(2)
+        turns = np.linalg.norm(angles, axis=-1) / (2 * np.pi)
+        x = size / max(largest(shifts), largest(turns)) * x
         omega = abs(s.imag) if abs(s.imag) > 1e-9 * abs(s) else 2 * np.pi
         phases = 2 * np.pi / frames * np.arange(frames * periods + 1)
         waves = np.exp(1j * phases)[:, None] * x
@@ -162,15 +169,6 @@ class Animated(Shown):
         texts = FRAMES * [self.called(index)]
         how = Look(**{"window": (960, 540)} | look)
         return film(history, path, range(FRAMES), texts, [rest.row(0)], fps, how)
-
-
-def _extent(system: System, y: Floats, dq: Array) -> float:
-    """Largest displacement over the extent, or rotation over a full turn, in a period."""
-    moved = np.multiply.outer(np.exp(1j * np.linspace(0, np.pi, 13)), dq.reshape(-1, 3)).real
-    rows = system.kinematics.director_rows
-    shifts = np.linalg.norm(moved[:, system.origin_rows], axis=-1) / system.length
-    turns = np.linalg.norm(0.5 * np.cross(y[rows], moved[:, rows]).sum(2), axis=-1) / (2 * np.pi)
-    return max(largest(shifts), largest(turns))
 
 
 def _moved(at: Equilibrium, increment: Floats) -> Floats:
@@ -402,8 +400,7 @@ def _solve(pencil: Pencil, count: int) -> tuple[Array, Array, int, int]:
 
 def led(X: Array, metric: csr_matrix) -> Array:
     """Shapes (unknowns, count) whose largest entries, by a metric, are positive."""
-    top = np.argmax(abs(X) * np.sqrt(metric.diagonal())[:, None], 0)
-    lead = X[top, np.arange(X.shape[1])]
+    lead = X[np.argmax(abs(X) * np.sqrt(metric.diagonal())[:, None], 0), np.arange(X.shape[1])]
     return X * (abs(lead) / lead)
 
 

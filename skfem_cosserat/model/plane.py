@@ -400,7 +400,8 @@ def _flip(nu: Floats) -> Floats:
     """Mirror image of strains (6, 6): Gamma as vectors, K as axial ones."""
     S = np.eye(3) - 2 * np.outer(nu, nu)
     out = np.zeros((6, 6))
-    out[:3, :3], out[3:, 3:] = S, -S
+    out[:3, :3] = S
+    out[3:, 3:] = -S
     return out
 
 
@@ -547,8 +548,7 @@ def _pushed(
         ydot = ydot - system.extend(system.q0, 0.0)
         start = alone.starting(system.extend(system.q0, 0.0), None, alone.values(t), 1.0, t)
         twists = _twist_forces(system, y, alone.static(start, y, ydot).force[: system.rows])
-        off = _out_of_plane(twists, plane)
-        worst = max(worst, off)
+        worst = max(worst, _out_of_plane(twists, plane))
         most = max(most, abs(twists).max())
     if worst > TOLERANCE * most:
         yield (

@@ -127,12 +127,14 @@ def with_amplitude(system: System, load: Load | str, amplitude: Amplitude) -> Sy
         terms of an own load do not have its amplitude.
     """
     old = load_of(system, load)
-    time, new = time_function(old.label, amplitude), loosened(copy(old))
+    time = time_function(old.label, amplitude)
+    new = loosened(copy(old))
     if len(old.channels) < 2:
         new.channels = tuple((value, time) for value, _ in old.channels)
         new.time = time
     elif isinstance(time, Constant):
-        factor, new.time = time.number, time
+        factor = time.number
+        new.time = time
         new.channels = tuple(
             (value, FunctionOfTime(lambda t, each=each: factor * each.value(t)))  # type: ignore[misc]
             for value, each in old.channels
@@ -539,7 +541,8 @@ def _missing(item: Item, other: Item) -> str:
         where = f"side {side}, {place.label}, "
     which = other.label
     if is_beam(other):
-        names, x = sorted(other.mesh.subdomains or {}), other.mesh.p
+        names = sorted(other.mesh.subdomains or {})
+        x = other.mesh.p
         called = f"of {', '.join(map(repr, names))} " if names else ""
         ends = " to ".join(str(np.round(x[:, k], 9).tolist()) for k in (0, -1))
         which += f" (on the mesh {called}from {ends})"

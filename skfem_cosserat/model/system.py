@@ -414,7 +414,8 @@ class System(Pictured):
 
     def confine(self, plane: Plane) -> None:
         """Take away what leads out of a plane that nothing leaves; see :class:`Planar`."""
-        self.plane, self.loading = plane, copy(self.loading)
+        self.plane = plane
+        self.loading = copy(self.loading)
         self.loading.guard = guard_of(self.loading, plane)
         self.grounds = self.grounds.confined(plane, [drive.place for drive in self.drives])
         self._build_tree()

@@ -37,10 +37,12 @@ from .sensors import View, Window
 LOCATED = 1e-10
 #: most steps that are tried to find the lowest point of a number within a step, and how close, of
 #: the step, two of them are to each other
-TRIALS, SAME = 16, 1e-5
+TRIALS = 16
+SAME = 1e-5
 #: how far a parabola may be wrong, of its second difference over a step and of the step: as much
 #: if the third derivative, times the step, is as large as the second one
-WRONG, ASIDE = 0.15, 0.2
+WRONG = 0.15
+ASIDE = 0.2
 
 #: number at the end of a step of this size (s), and the step
 Trial = Callable[[float], tuple[float, Block]]
@@ -485,17 +487,9 @@ class EventMonitor:
         ]
         last = min(where, key=lambda each: each.state.time)
         view = self.seen(last.state)
-        events = self._there(view, last.state.time - trials.state.time, found)
-        for event, _ in events:
-            self._often(event, last.state, float(trials.step.sizes[0]))
-        return Found(block.part(0, k) if k else None, last, events, view)
-
-    def _there(
-        self, view: View, size: float, brackets: list[Bracket | None]
-    ) -> list[tuple[Event, float]]:
-        """Events that have happened at the end of a step of this size (s), and their numbers."""
+        size = last.state.time - trials.state.time
         events = []
-        for j, (event, bracket) in enumerate(zip(self.events, brackets, strict=True)):
+        for j, (event, bracket) in enumerate(zip(self.events, found, strict=True)):
             value = event.value(view)
             side = self._sides[j]
             if bracket is not None and size > bracket.a[0]:
@@ -503,7 +497,16 @@ class EventMonitor:
             if self._met(j, value, side):
                 self._sides[j] = side
                 events.append((event, value))
-        return events
+        state = last.state
+        step = float(trials.step.sizes[0])
+        for event, _ in events:
+            times = [t for t in self._times[event.name] if t > state.time - step] + [state.time]
+            self._times[event.name] = times
+            if len(times) > OFTEN:
+                reason = f"{event.label} repeats at once: {OFTEN} times within {step:.3g} s"
+                advice = "let it happen once, or let its action change what its condition sees"
+                raise Diverged(state.time, state.index, float("nan"), reason, advice)
+        return Found(block.part(0, k) if k else None, last, events, view)
 
     def _met(self, j: int, value: float, before: int) -> bool:
         """True if a number has passed through zero, in the direction asked for."""
@@ -561,17 +564,6 @@ class EventMonitor:
         if self._stepper is None:
             self._stepper = self.factory(self.system, like)
         return self._stepper.advance_block(state, 1, state.time + size, size)
-
-    def _often(self, event: Event, state: State, step: float) -> None:
-        """Raise Diverged if an event repeats without end."""
-        times = self._times[event.name] = [
-            t for t in self._times[event.name] if t > state.time - step
-        ]
-        times.append(state.time)
-        if len(times) > OFTEN:
-            reason = f"{event.label} repeats at once: {OFTEN} times within {step:.3g} s"
-            advice = "let it happen once, or let its action change what its condition sees"
-            raise Diverged(state.time, state.index, float("nan"), reason, advice)
 
 
 @takes_scene

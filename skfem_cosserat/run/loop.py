@@ -61,7 +61,8 @@ class RunLoop:
 
     def go(self, state: State) -> tuple[str, Diverged | None]:
         """Go on from a state to the end; the status, and why a step could not be solved."""
-        self.state, status = state, "completed"
+        self.state = state
+        status = "completed"
         try:
             while status == "completed" and (block := self.plan.advance(self.state)) is not None:
                 found = None if self.watch is None else self._look(self.watch, block)
@@ -104,14 +105,14 @@ class RunLoop:
         """Carry out what events do; true if the run ends with them."""
         assert self.watch is not None
         start, system, stop = self.state, self.watch.system, False
-        before, losses = system, 0.0
+        before = system
+        losses = 0.0
         for event, value in found.events:
             try:
                 seen = found.view if self.state is start else View(system, self.state)
                 outcome = event.action.outcome(seen)
             except InputError as error:
-                text = f"at t = {start.time:.9g} s: {error}"
-                raise type(error)(event.label, text) from error
+                raise type(error)(event.label, f"at t = {start.time:.9g} s: {error}") from error
             system, state, loss = self._outcome(system, outcome)
             row = self.record.row_of_event()
             record = EventRecord(
@@ -223,7 +224,8 @@ def steps(
     with stepper.notices:
         state = _first(system, start)
     state = stepper.own(state)
-    origin, first = state.time, state.index
+    origin = state.time
+    first = state.index
     while True:
         # t_n = t_0 + n h: no rounding adds up over many steps
         report = stepper.advance(state, origin + (state.index + 1 - first) * stepper.h)
@@ -345,7 +347,8 @@ def simulate(
         show = Progress(progress, "t = {:.6g} s of {:.6g} s".format)
         state = _first(system, start)
         left = _checked_run(state, until, every, callbacks, path)
-        controlled, sampled = isinstance(step, StepControl), system.couplings.due(None) < np.inf
+        controlled = isinstance(step, StepControl)
+        sampled = system.couplings.due(None) < np.inf
         eventful = events is not None or sampled
         h = step.sizes(integrator, left)[0] if isinstance(step, StepControl) else step
         h = positive("argument step", "step", h, " of seconds")
@@ -353,7 +356,8 @@ def simulate(
         if left > MOST * h and not controlled:
             text = f"{h!r} s gives {left / h:.3g} steps until {until!r} s"
             raise InputError("argument step", f"{text}, expected at most {MOST:.0e}")
-        steps, methods = int(min(left / h, MOST)), (integrator, treatment)
+        steps = int(min(left / h, MOST))
+        methods = (integrator, treatment)
 
         def factory(system: System, h: float) -> Stepper:
             return Stepper(system, *methods, h, settings, kernels, steps, solver, show.say)

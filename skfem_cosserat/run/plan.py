@@ -175,16 +175,20 @@ class Estimate:
         """
         scale = pair ** (self.order + 1)
         c = (whole - halves[2]) / ((2**self.order - 1) * scale)
-        rate, middle = size(system, c), time + pair / 2
+        rate = size(system, c)
+        middle = time + pair / 2
         if rate * scale < ROUNDING:
-            c, rate = np.zeros_like(c), 0.0
-        self._now, self._rate = (middle, c), rate
+            c = np.zeros_like(c)
+            rate = 0.0
+        self._now = (middle, c)
+        self._rate = rate
         v = size(system, halves[2] - halves[0]) / pair
         a = 4 * size(system, halves[2] - 2 * halves[1] + halves[0]) / pair**2
         self._motion = v**2 * pair, a**2 * pair
         if self._before is None or not self._recent:
             return rate * scale
-        speeds, bends = self._speeds + self._motion[0], self._bends + self._motion[1]
+        speeds = self._speeds + self._motion[0]
+        bends = self._bends + self._motion[1]
         change = np.sqrt(speeds / bends) if bends > 0 else 0.0
         slope = size(system, c - self._before[1]) / (middle - self._before[0])
         return scale * max(rate, min(change * slope, max(self._recent)))
@@ -204,7 +208,8 @@ SAFETY, LEAST, LARGEST = 0.9, 0.2, 2.0
 #: steps are not changed for less than this: kept factors of matrices belong to a step size
 WORTHWHILE = 1.15
 #: exponents of the present and the last error (Gustafsson's proportional-integral control)
-PRESENT, BEFORE = 0.7, 0.3
+PRESENT = 0.7
+BEFORE = 0.3
 
 
 class StepControl(Frozen):
@@ -274,8 +279,10 @@ class StepControl(Frozen):
             name: None if value is None else positive(item, name, value, " of seconds")
             for name, value in given.items()
         }
-        self.first, self.smallest = sizes["first"], sizes["smallest"]
-        self.largest, self.span = sizes["largest"], sizes["span"]
+        self.first = sizes["first"]
+        self.smallest = sizes["smallest"]
+        self.largest = sizes["largest"]
+        self.span = sizes["span"]
         order = [x for x in (self.smallest, self.first, self.largest) if x is not None]
         if order != sorted(order):
             raise InputError(
@@ -334,7 +341,8 @@ class ControlledSteps(Plan):
         at: Sequence[float] = (),
     ) -> None:
         duration = until - state.time
-        self.control, self.factory = control, factory
+        self.control = control
+        self.factory = factory
         self.span = duration if control.span is None else control.span
         self._wanted, self.smallest, self.largest = control.sizes(stepper.integrator, duration)
         self.h = stepper.h
@@ -375,13 +383,26 @@ class ControlledSteps(Plan):
                 if pair <= 2 * self.smallest:
                     raise
                 logger.info("%s: a smaller one is tried", failure)
-                self._wanted, self._held = max(pair / 8, self.smallest), True
+                self._wanted = max(pair / 8, self.smallest)
+                self._held = True
                 continue
             ratio = error / (self.control.tolerance * pair / self.span)
             if ratio <= 1:
                 self._accept(pair, ratio)
                 return block
-            self._reject(state, pair, ratio)
+            self._counts["rejected"] += 1
+            if pair <= 2 * self.smallest:
+                raise Diverged(
+                    state.time,
+                    state.index + 1,
+                    ratio,
+                    f"its error is {ratio:.3g} times what the tolerance of"
+                    f" {self.control.tolerance:g} allows for the smallest step",
+                    f"allow a smaller one than {self.smallest:g} s, or take a larger tolerance",
+                )
+            change = max(LEAST, SAFETY * (1 / ratio) ** (1 / self._order))
+            self._wanted = max(change * pair / 2, self.smallest)
+            self._held = True
 
     def _pair(self, time: float, due: float) -> tuple[float, float]:
         """Size of a pair of steps, and its end: no step is left that is much smaller."""
@@ -408,7 +429,8 @@ class ControlledSteps(Plan):
         self._estimate.accept()
         self._used.append(pair / 2)
         cut = pair < 2 * self._wanted * (1 - 1e-9)  # to end at a time asked for
-        last, self._before = self._before, max(ratio, 1e-4)
+        last = self._before
+        self._before = max(ratio, 1e-4)
         change = (SAFETY / self._before) ** (PRESENT / self._order)
         change *= (last / SAFETY) ** (BEFORE / self._order)
         change = min(max(change, LEAST), 1.0 if self._held else LARGEST)
@@ -417,20 +439,6 @@ class ControlledSteps(Plan):
             return
         if not 1 / WORTHWHILE < change < WORTHWHILE:
             self._wanted = min(max(change * pair / 2, self.smallest), self.largest)
-
-    def _reject(self, state: State, pair: float, ratio: float) -> None:
-        self._counts["rejected"] += 1
-        if pair <= 2 * self.smallest:
-            raise Diverged(
-                state.time,
-                state.index + 1,
-                ratio,
-                f"its error is {ratio:.3g} times what the tolerance of {self.control.tolerance:g}"
-                " allows for the smallest step",
-                f"allow a smaller one than {self.smallest:g} s, or take a larger tolerance",
-            )
-        change = max(LEAST, SAFETY * (1 / ratio) ** (1 / self._order))
-        self._wanted, self._held = max(change * pair / 2, self.smallest), True
 
     def summary(self) -> dict[str, Any]:
         """Sizes and numbers of the steps taken, and of those rejected."""

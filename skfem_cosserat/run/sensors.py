@@ -468,8 +468,7 @@ class SensorPosition(_AlongBeam):
             x = self._section(self.where).values(system, window.q).position[:, 0]
         if self.frame is None:
             return x
-        away = x - window.position(self.frame)
-        return np.einsum("kic,kc->ki", window.rotation(self.frame), away)
+        return np.einsum("kic,kc->ki", window.rotation(self.frame), x - window.position(self.frame))
 
 
 class SensorVelocity(SensorPosition):

@@ -241,8 +241,7 @@ def _moved(
                 continue
             now, before = (getattr(each, kind)[own] for each in both)
             taken = getattr(recorded, kind)[known]
-            left_out = before.any() and not taken.any()
-            if left_out or _same(now, taken) or _same(now, before):
+            if (before.any() and not taken.any()) or _same(now, taken) or _same(now, before):
                 continue
             labels.append(f"the {owner.label}")
             for each, factors in zip(alone, (now, before), strict=True):

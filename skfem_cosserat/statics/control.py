@@ -409,7 +409,8 @@ class _ArcStage(Stage):
         self.parameter, self.stops, self._count = 0.0, [], 0
         self._branches, self._crossed, self._regular = direction is not None, False, False
         self.length = control.length if self._branches else abs(control.first)
-        self.longest, self.shortest = control.longest, 1e-7 * self.length
+        self.longest = control.longest
+        self.shortest = 1e-7 * self.length
 
     def functional(self, point: Point, length: float) -> Functional:
         if self._secant is None:

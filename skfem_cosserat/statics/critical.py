@@ -192,8 +192,7 @@ def inspect(
         return Stability(point, unstable, dead, pivots.smallest, assemble, firm)
     tangent = assemble()
     K = tangent.K
-    size = largest(K.data)
-    symmetric = dead or bool(abs((K - K.T).data).max(initial=0.0) <= SYMMETRIC * size)
+    symmetric = dead or bool(abs((K - K.T).data).max(initial=0.0) <= SYMMETRIC * largest(K.data))
     unstable, pivot = negative_pivots(0.5 * (K + K.T) if symmetric else K)
     count = unstable if symmetric else unstable % 2
     return Stability(point, count, symmetric, pivot, lambda: tangent)
@@ -207,7 +206,8 @@ MOST = 20
 LEVEL = 1e-2
 #: distances of points, as shares of the step, between which a critical one is interpolated, and
 #: how much closer they are tried where others are near, or it is not in the middle
-AROUND, CLOSER = (0.02, 0.05, 0.09, 0.14, 0.2), (1.0, 0.8, 0.2, 0.1, 0.04)
+AROUND = (0.02, 0.05, 0.09, 0.14, 0.2)
+CLOSER = (1.0, 0.8, 0.2, 0.1, 0.04)
 #: eigenvalue, against those at the ends of the step, below which it counts as zero
 VANISHED = 1e-3
 #: how exactly a change of the number of unstable motions is found, as a share of the step

@@ -503,7 +503,8 @@ class Continuation:
             exact, report = self.solver.solve(start, Functional(value=until - start.t))
             if exact is None:
                 raise self._failure(start, report, "the end of the path was not found")
-            step.solution, step.critical = exact, step.critical[:k]
+            step.solution = exact
+            step.critical = step.critical[:k]
             step.end = self._inspected(exact.point) if self.watch else None
             return
 
