@@ -20,7 +20,7 @@ from ..model import Model, System, system_of
 from ..model.limits import FAR_TURN, fastest_turn, jump, over_rotated, overstretched, undefined
 from ..model.loops import BROKEN, contradiction, dead_point
 from ..newton import NewtonReport, NewtonSettings, newton
-from ..types import Array, Floats, IndexArray, check_kind, positive, real, whole
+from ..types import Array, Floats, check_kind, positive, real, whole
 from ..warn import Notices, listening, logger, warn
 from .base import Integrator
 from .block import Block, Code, Failure, StepReport, composed
@@ -499,13 +499,6 @@ class Stepper:
         p = nearest_momentum(self.system, y, state.p, state.time)
         return replace(state, p=p, fresh=True, carried={}, made_by=None, plain=False)
 
-    def _closing(self, y0: Floats) -> IndexArray:
-        """Rows that close the loops: in space those of space, for those of a plane may lead out."""
-        if self.system.plane is None:
-            return self.bound.closing
-        rows = self.system.closure.rows
-        return rows[self.system.independent_rows(y0)[rows]]
-
     def attempts(self, state: State, time: float, h: float, origin: StepOrigin) -> Block | Failure:
         """Try a step of size h to a time (s), in several ways: all that is tried is here.
 
@@ -518,7 +511,11 @@ class Stepper:
         if fast is not None:
             if fast.looped and fast.due(state, self.bound):
                 step = self._begin(state, of, time)
-                fast.close(self._closing(step.y0))
+                closing = self.bound.closing
+                if self.system.plane is not None:  # in space: rows of a plane may lead out
+                    rows = self.system.closure.rows
+                    closing = rows[self.system.independent_rows(step.y0)[rows]]
+                fast.close(closing)
             if self.bound.regular and not state.plain:
                 block = fast.advance(state, np.array([time]), origin)
                 if block is not None:
