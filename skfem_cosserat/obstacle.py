@@ -280,8 +280,7 @@ class Obstacle(Composed):
         places, radii, shares = zip(*points, strict=True)
         self._radii = np.array(radii)[:, None] + radius
         if isinstance(surface, Surface) and surface.inside and self._radii.max() >= surface.radius:
-            text = f"has no room for a radius of {self._radii.max():g} m inside of one"
-            raise InputError(self.label, f"{text} of {surface.radius:g} m")
+            raise InputError(self.label, f"has no room for a radius of {self._radii.max():g} m")
         self._stiffness = np.array(shares)[:, None] * stiffness
         self._made: dict[str, Coupling] = {}
         if isinstance(surface, Surface):

@@ -343,13 +343,13 @@ class Scene:
         way = ((self.middle - shape["point"]) @ axis) * axis
         size = self.size
         if shape["kind"] == "Plane":
-            at = self.middle - way
-            form = pyvista.Plane(center=at, direction=axis, i_size=size, j_size=size)
+            form = pyvista.Plane(center=self.middle - way, direction=axis, i_size=size, j_size=size)
         elif shape["kind"] == "Sphere":
             form = pyvista.Sphere(radius=radius, center=shape["point"])
         else:
-            at = shape["point"] + way
-            form = pyvista.Cylinder(center=at, direction=axis, radius=radius, height=size)
+            form = pyvista.Cylinder(
+                center=shape["point"] + way, direction=axis, radius=radius, height=size
+            )
         form = form.triangulate()
         yield Piece("ground", form, _held(form.points), name)
 

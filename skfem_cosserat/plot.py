@@ -14,7 +14,7 @@ from .export.table import record_of
 from .figures import PALETTE, legend, panels, write_figure
 from .history import History, SensorRecord
 from .history.container import BALANCE
-from .types import FilePath, Floats, IndexArray, names_known
+from .types import FilePath, Floats, names_known
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -151,7 +151,14 @@ def _energy_parts(history: History, names: Sequence[str] | None, since: float) -
 def _numbers(history: History, name: str, record: SensorRecord, axis: Any) -> None:
     """The numbers of a sensor or series."""
     lines = axis.plot(record.times, record.values, linewidth=1.0)
-    axis.set_ylabel(f"{name} in {record.unit}" if record.unit else _with_unit(history, name))
+    item, _, what = name.rpartition("/")
+    couplings = history.meta.get("couplings", ())
+    between = {f"coupling/{c['name']}" for c in couplings if c["type"] in ("spring", "cable")}
+    unit = record.unit
+    # on a coordinate of a joint, or several of them, it may be a moment
+    if not unit and (item in between or not item.startswith("coupling/")):
+        unit = _UNITS.get(what, "")
+    axis.set_ylabel(f"{name} in {unit}" if unit else name)
     if 1 < len(lines) <= 6:
         for line, label in zip(lines, "xyz" if len(lines) == 3 else "012345", strict=False):
             line.set_label(label)
@@ -171,16 +178,6 @@ def plot(history: History, names: Sequence[str] = (), path: FilePath | None = No
     return _chart(history, parts, path)
 
 
-def _with_unit(history: History, name: str) -> str:
-    """The name of a series with its unit, where it is known."""
-    item, _, what = name.rpartition("/")
-    couplings = history.meta.get("couplings", ())
-    between = {f"coupling/{c['name']}" for c in couplings if c["type"] in ("spring", "cable")}
-    if item.startswith("coupling/") and item not in between:
-        return name  # on a coordinate of a joint, or several of them: it may be a moment
-    return f"{name} in {_UNITS[what]}" if what in _UNITS else name
-
-
 def _path_of(history: History, what: str) -> Floats:
     """Places ``(N, 3)`` of a body, mass point, beam node or joint."""
     static, (item, _, node) = history.static, what.rpartition("/")
@@ -189,7 +186,11 @@ def _path_of(history: History, what: str) -> Floats:
     if f"{what}/offset" in static:
         start = int(static[f"{what}/offset"])
     elif f"{item}/offsets" in static:
-        vertices = _vertices(static[f"{item}/connectivity"])
+        # nodes at vertices of the mesh: where lines start, inner ones, where lines end
+        starts = static[f"{item}/connectivity"][:, 0]
+        ends = static[f"{item}/connectivity"][:, -1]
+        outer = np.setdiff1d(starts, ends), np.setdiff1d(ends, starts)
+        vertices = np.concatenate([outer[0], np.intersect1d(starts, ends), outer[1]])
         try:
             start = int(static[f"{item}/offsets"][vertices[int(node)]])
         except (ValueError, IndexError):
@@ -199,14 +200,6 @@ def _path_of(history: History, what: str) -> Floats:
         kinds = "'body/NAME', 'point/NAME', 'joint/NAME' or 'beam/NAME/NODE'"
         raise InputError("argument what", f"got {what!r}, expected {kinds}")
     return history["q"][:, start : start + 3]
-
-
-def _vertices(connectivity: IndexArray) -> IndexArray:
-    """Nodes at vertices of a beam's mesh: where lines start, inner ones, where lines end."""
-    starts = connectivity[:, 0]
-    ends = connectivity[:, -1]
-    outer = np.setdiff1d(starts, ends), np.setdiff1d(ends, starts)
-    return np.concatenate([outer[0], np.intersect1d(starts, ends), outer[1]])
 
 
 @checked

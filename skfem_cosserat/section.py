@@ -281,8 +281,12 @@ class Section(Frozen):
 
         With points between the corners, if there are few.
         """
-        loops = () if self.outline is None else (self.outline, *self.holes)
-        return [_with_midpoints(loop) for loop in loops]
+        out = []
+        for loop in () if self.outline is None else (self.outline, *self.holes):
+            ends = loop, np.roll(loop, -1, axis=0)
+            between = np.linspace(*ends, -(-AROUND // len(loop)), endpoint=False, axis=1)
+            out.append(between.reshape(-1, 2))
+        return out
 
     def skin_stresses(self) -> Floats | None:
         """Stresses at the points of the :attr:`skin`, for resultants of one.
@@ -403,13 +407,6 @@ def _solid(
 
 #: points of an outline of few corners, for stresses between them
 AROUND = 16
-
-
-def _with_midpoints(loop: Floats) -> Floats:
-    """A closed polygon (k, 2) with points between its corners, if it has few."""
-    ends = loop, np.roll(loop, -1, axis=0)
-    between = np.linspace(*ends, -(-AROUND // len(loop)), endpoint=False, axis=1)
-    return between.reshape(-1, 2)
 
 
 def _stresses(section: Section, E: float) -> tuple[Floats, Floats]:

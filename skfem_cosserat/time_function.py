@@ -440,11 +440,10 @@ def time_function(item: str, value: Amplitude, name: str = "amplitude") -> TimeF
             item, f"{name} = {value!r}, expected a number, a Table or a function of time"
         )
     try:
-        finite(item, name, value(0.0), "a number at t = 0.0")
-    except InputError:
-        raise
+        first = value(0.0)
     except Exception as error:
         raise failed(item, f"its {name}", error, 0.0) from error
+    finite(item, name, first, "a number at t = 0.0")
     return FunctionOfTime(value)
 
 

@@ -237,17 +237,14 @@ def answer(
     if budget_s is not None:
         budget = positive("argument budget_s", "value", budget_s, " of seconds")
     scene = Scene(model_of(model), asked, until, start, integrator)
+    line = "{} runs, error about {:.2g} tolerances".format
     with (
-        Progress(False if progress is None else progress, _line) as show,
+        Progress(False if progress is None else progress, line) as show,
         Interrupt("the best so far is handed back") as interrupt,
     ):
         found = _Search(scene, budget, interrupt, show).found()
     repeat(found.warnings)
     return found
-
-
-def _line(runs: int, error: float) -> str:
-    return f"{runs} runs, error about {error:.2g} tolerances"
 
 
 # -- the search ------------------------------------------------------------------------------------

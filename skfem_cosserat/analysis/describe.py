@@ -94,7 +94,12 @@ def describe(system: System) -> tuple[Meta, dict[str, Floats]]:
         else:
             _describe_lump(system, lumped(item), meta, static)
     carried = [int(array) for key, array in static.items() if key.endswith("/offset")]
-    acted = [*_acted_on(system), *carried]
+    places = [end for joint in system.joints for end in (joint.a, joint.b)]
+    places += [place for each in shown(system) for place in each.places()]
+    places += [place for load in system.loads for place in load.places()]
+    #: numbers in q of the frames on which joints, loads and couplings act
+    acted = [system.offset(place) for place in places if place.item is not None]
+    acted += carried
     for beam in system.beams:
         offsets = static[f"beam/{beam.name}/offsets"]
         static[f"beam/{beam.name}/acted"] = np.flatnonzero(np.isin(offsets, acted))
@@ -190,14 +195,6 @@ def _describe_beam(system: System, beam: Beam, static: dict[str, Any]) -> dict[s
         "parts": names,
         "sections": list(beam.sections),
     }
-
-
-def _acted_on(system: System) -> list[int]:
-    """Numbers in q of the frames on which joints, loads and couplings act."""
-    places = [end for joint in system.joints for end in (joint.a, joint.b)]
-    places += [place for each in shown(system) for place in each.places()]
-    places += [place for load in system.loads for place in load.places()]
-    return [system.offset(place) for place in places if place.item is not None]
 
 
 def _described_sections(beam: Beam) -> dict[str, Array]:

@@ -269,15 +269,12 @@ class BoundMultipliers(BoundTreatment):
         q = self.sought[0]
         return np.concatenate([q.reshape(-1, 3), self.ground1.astype(q.dtype)])
 
-    def _transposed(self, y1: Array) -> Array:
-        if self.weight == 0:
-            return self._jacobian
-        return self.system.constraints.jacobian_values(self.constraint_point(y1))
-
     def reduce(self, R: Array, y1: Array) -> Array:
         """Residual: balance with constraint forces, then gaps of the constraints, not scaled."""
         constraints = self.system.constraints
-        self._left = self._transposed(y1)
+        self._left = self._jacobian
+        if self.weight:
+            self._left = constraints.jacobian_values(self.constraint_point(y1))
         n = self.system.n
         force = self._left * self.sought[1].take(constraints.G_rows)
         summed = sum_at(constraints.G_cols, force, n)

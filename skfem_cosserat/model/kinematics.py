@@ -205,7 +205,8 @@ class Kinematics:
         fixed = self.axis.copy()
         for numbers, ends in self.spheres:
             a, b = (sum(c * y0[row] for row, c in self.spot_terms(spot)) for spot in ends)
-            fixed[numbers] = _plane(b - a)
+            arm = np.real(b - a)
+            fixed[numbers] = normals(arm / np.linalg.norm(arm))
         return fixed
 
 
@@ -636,8 +637,3 @@ def unit_triangular(matrix: csc_matrix) -> Any:
     """Factors of a lower triangular matrix with ones on its diagonal: nothing is filled in."""
     options = {"SymmetricMode": True}
     return splu(matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options=options)
-
-
-def _plane(arm: Array) -> Floats:
-    """Two unit vectors (2, 3) normal to `arm` and to each other."""
-    return normals(np.real(arm) / np.linalg.norm(np.real(arm)))

@@ -142,15 +142,6 @@ class Loading:
         self.strained = bool(self._strains)
         #: what looks at the factors of all channels at a time (s): whether they leave a plane
         self.guard: Callable[[Floats, float], None] | None = None
-        self._set_moments(moments)
-
-    def _block_of(self, place: Place) -> int:
-        """Number of a place's frame in the group of single frames."""
-        assert self._frame_group is not None  # the system puts all such frames there
-        vertex = self._first[id(place.item)][0] + place.vertex
-        return int(np.searchsorted(self._frame_group.vertices[:, 0], vertex))
-
-    def _set_moments(self, moments: list[tuple[int, int, bool, Floats]]) -> None:
         self._moment_channel = np.array([m[0] for m in moments], np.int64)
         self._moment_block = np.array([m[1] for m in moments], np.int64)
         self._moment_follows = np.array([m[2] for m in moments], bool)
@@ -158,6 +149,12 @@ class Loading:
         if moments:
             assert self._frame_group is not None
             self._moment_rows = self._frame_group.rows[self._moment_block][:, 1:]
+
+    def _block_of(self, place: Place) -> int:
+        """Number of a place's frame in the group of single frames."""
+        assert self._frame_group is not None  # the system puts all such frames there
+        vertex = self._first[id(place.item)][0] + place.vertex
+        return int(np.searchsorted(self._frame_group.vertices[:, 0], vertex))
 
     def _dead(self, term: Term) -> tuple[IndexArray, Floats]:
         """Rows (k,) of y on which a term acts, and its forces (k, 3) on them."""

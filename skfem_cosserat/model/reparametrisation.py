@@ -257,7 +257,10 @@ class Reparametrisation:
         rotations = rotation_matrix(self._turns)
         all_of_them = np.concatenate([rotations, self._still])
         R = all_of_them.take(self._of_vertex, 0)
-        relative = self._relative_rotations(all_of_them)
+        # exp(alpha a_n) exp(beta b_n) of each child with a relative rotation, its inverse
+        relative = all_of_them.take(self._of_relative, 0)
+        for which, number in self._layers[1:]:
+            relative[which] = all_of_them[self._hinge_first + number] @ relative[which]
         for level in self._turning:
             R[level.child] = relative.take(level.relative, 0) @ R.take(level.parent, 0)
         directors = (self._triads0 @ R.take(kin.frames, 0)).reshape(-1, 3)
@@ -267,13 +270,6 @@ class Reparametrisation:
         for level in self._levels:
             y[level.child_row] = y.take(level.parent_row, 0) + arms.take(level.edge, 0)
         return y
-
-    def _relative_rotations(self, rotations: Array) -> Array:
-        """``exp(alpha a_n) exp(beta b_n)`` of each child with a relative rotation, its inverse."""
-        out = rotations.take(self._of_relative, 0)
-        for which, number in self._layers[1:]:
-            out[which] = rotations[self._hinge_first + number] @ out[which]
-        return out
 
     def _arms(self, y: Array, R: Array, swings: Array) -> Array:
         """``phi_child - phi_parent`` of each edge."""

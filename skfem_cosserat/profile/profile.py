@@ -35,15 +35,6 @@ def signed_area(polygon: Floats) -> float:
     return float((x * np.roll(y, -1) - y * np.roll(x, -1)).sum() / 2)
 
 
-def _without_straight(polygon: Floats) -> Floats:
-    """Without points on the straight line between their neighbours."""
-    before = polygon - np.roll(polygon, 1, axis=0)
-    after = np.roll(polygon, -1, axis=0) - polygon
-    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
-    keep = abs(cross) > 1e-9 * np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
-    return polygon[keep]
-
-
 def boundary_loops(mesh: Mesh) -> list[Floats]:
     """Closed polygons (k, 2) of the boundary: the outer one first, then the holes.
 
@@ -77,7 +68,13 @@ def boundary_loops(mesh: Mesh) -> list[Floats]:
             node = following
             if node == start:
                 break
-        loops.append(_without_straight(np.array(points)))
+        polygon = np.array(points)
+        before = polygon - np.roll(polygon, 1, axis=0)
+        after = np.roll(polygon, -1, axis=0) - polygon
+        cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+        size = np.linalg.norm(before, axis=1) * np.linalg.norm(after, axis=1)
+        # without points on the straight line between their neighbours
+        loops.append(polygon[abs(cross) > 1e-9 * size])
     loops.sort(key=lambda loop: -abs(signed_area(loop)))
     return [
         loop if (signed_area(loop) > 0) == (k == 0) else loop[::-1] for k, loop in enumerate(loops)
