@@ -574,9 +574,8 @@ def error_norms(
     """
     if by not in {"position", "arc"}:
         raise InputError("argument by", f"got {by!r}, expected 'position' or 'arc'")
-    for name, function in (("exact", exact), ("derivative", derivative or exact)):
-        if not callable(function):
-            raise InputError(f"argument {name}", f"{function!r}, expected a function")
+    if not (callable(exact) and callable(exact if derivative is None else derivative)):
+        raise InputError("exact, derivative", f"{exact!r}, {derivative!r}, expected functions")
     values = np.asarray(field, float)
     if values.shape == (basis.N,):
         values = values.reshape(-1, 12)

@@ -593,7 +593,7 @@ class MeshCurve(Frozen, MeshLine1):
 
         try:
             return cls._of_lines(files.lines_of(mesh))
-        except ValueError as error:
+        except (AttributeError, ValueError) as error:
             raise MeshError("argument mesh", str(error)) from error
 
     @classmethod
