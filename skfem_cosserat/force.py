@@ -31,8 +31,7 @@ class Controller(Frozen):
     For the argument `law` of :class:`Force`. The instants are the multiples of a period, and the
     start of a run; :func:`simulate` cuts steps there. In loops of your own, as with :func:`steps`,
     a law is sampled at the first step that begins then or later. :class:`Explicit` takes periods
-    that are multiples of its step. At rest the forces are those
-    that are held: zero at first.
+    that are multiples of its step. At rest the forces are those that are held: zero at first.
 
     Parameters
     ----------
