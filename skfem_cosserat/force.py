@@ -154,8 +154,9 @@ class Force(Coupling):
         if (law is None) == (energy is None):
             raise InputError(self.label, "takes either law or energy")
         self.law, self.energy, self.derivative = law, energy, derivative
-        remembers = isinstance(law, Controller) or memory is not None
-        if remembers and not (energy is None and derivative is None):
+        self._own_memory = memory is not None
+        remembers = isinstance(law, Controller) or self._own_memory
+        if remembers and (energy or derivative):
             raise InputError(self.label, "has a memory: it takes a law without derivative")
         self.each = switch(self.label, each, "each")
         self.points = tuple(p for p in where if isinstance(p, Place | Expression))
@@ -170,7 +171,6 @@ class Force(Coupling):
         self.shape = inner if alone or self.each else (len(where), *inner)
         if self.together > 1:
             self.shape = self.together, *inner
-        self._own_memory = memory is not None
         self.memory = numbers(self.label, "memory", () if memory is None else memory)
         if not np.isfinite(self.memory).all():
             raise InputError(self.label, f"memory = {memory!r}, expected finite numbers")

@@ -338,10 +338,12 @@ class CalledForces(Called):
         self._log: list[Array] = []
         self._start(None if turns is None else np.asarray(turns)[self._own], time)
 
-    def go_on(self, time: float) -> None:
-        """Start the next step where the last one has ended."""
-        self._log.append(self._ended())
-        self._start(self._log[-1], time)
+    def go_on(self, time: float) -> bool:
+        """Start the next step where the last one has ended; False: a law is due to be sampled."""
+        turns = self._ended()
+        self._log.append(turns)
+        self._start(turns, time)
+        return self.couplings.due(turns) > self._time
 
     def _start(self, turns: Array | None, time: float) -> None:
         self._time = time + (1.0 if self._scheme.at_end else 0.5) * self._h

@@ -644,10 +644,10 @@ class CompiledStep(CompiledScene):
             self._called_back = CalledBack(system, self.plan, self._a)
             self._all[0][CALLED_BACK] = self._called_back.address
 
-    def _go_on(self, k: int) -> None:
-        """Start the k-th step after the first one that is solved in one go."""
-        self._called_forces.go_on(self._times[k])
+    def _go_on(self, k: int) -> bool:
+        """Start the k-th step after the first one that is solved in one go; False: not there."""
         self._load_at(*self._times[k : k + 2])
+        return self._called_forces.go_on(self._times[k])
 
     def _resist(self, h: float) -> None:
         """Drag and viscous sections in steps of this size."""

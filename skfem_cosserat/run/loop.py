@@ -348,8 +348,7 @@ def simulate(
         state = _first(system, start)
         left = _checked_run(state, until, every, callbacks, path)
         controlled = isinstance(step, StepControl)
-        sampled = system.couplings.due(None) < np.inf
-        eventful = events is not None or sampled
+        eventful = events is not None or system.couplings.due(None) < np.inf
         h = step.sizes(integrator, left)[0] if isinstance(step, StepControl) else step
         h = positive("argument step", "step", h, " of seconds")
 

@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 import skfem_cosserat as sc
+from skfem_cosserat.integrators import Stepper
 
 KERNELS = "numpy", "numba"
 MASS, KP, KD, KI = 2.0, 30.0, 4.0, 20.0
@@ -122,6 +123,18 @@ def test_a_sampled_law_is_held_between_its_instants(step, kernels):
         start = sc.restart(slider(law), middle, sc.EnergyMomentum(), step)
         rest = run(slider(law), step, kernels=kernels, start=start)
         assert rest["q"][-1, 0] == pytest.approx(held(20), abs=1e-12)
+
+
+@pytest.mark.parametrize("kernels", KERNELS)
+def test_loops_of_ones_own_sample_too(kernels):
+    """However many steps are asked for in one go."""
+    system = slider(sc.Controller(PERIOD, sampled)).freeze()
+    methods = sc.EnergyMomentum(), sc.NullSpace(), PERIOD / 2
+    stepper = Stepper(system, *methods, kernels=kernels)
+    state = sc.initial_state(system)
+    while state.index < 40:
+        state = stepper.advance_block(state, 40 - state.index).state
+    assert state.q[0] == pytest.approx(held(20), abs=1e-12)
 
 
 @pytest.mark.parametrize("scheme", [sc.EnergyMomentum(), sc.GeneralizedAlpha(0.8)])
